@@ -1,0 +1,6 @@
+//! Pure mathematics: the bases in which light and transport are measured. No rays, no images.
+
+pub mod bands;
+pub mod haar;
+
+pub use bands::{Bands, ColumnSpace};

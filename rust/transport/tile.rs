@@ -1,0 +1,161 @@
+//! A tile: a contiguous range of neighbouring receivers, held column by column.
+//!
+//! For each column that is not empty it keeps the *groups* of 16 neighbouring rows that the column touches: one 16-bit
+//! word and 16 integers each. One index and one conversion then serve 16 rows and 3 colours. An entry's word holds the
+//! group's number in the tile (low 10 bits) and a binary shift (high 6 bits), so that the value of lane l is
+//!
+//!     values[16 e + l] * 2^(quantum + shift)
+//!
+//! with one `quantum` for the whole matrix. All values of M are thus integers times 2^quantum: sums of such values with
+//! coefficients from a dyadic grid are exact in f64, in any order (`update/response.rs`).
+
+use std::ops::Deref;
+use std::sync::Arc;
+
+/// Rows in a group: the unit of truncation and of the kernels.
+pub const GROUP: usize = 16;
+/// The most rows of a tile (10 bits of group number).
+pub const MAX_TILE_ROWS: usize = 1024 * GROUP;
+/// Bits of an entry's word that hold the group number; the rest is the shift.
+pub const GROUP_BITS: u32 = 10;
+
+/// A slice that is either owned or a view of a mapped file, which it keeps alive.
+#[derive(Clone)]
+pub enum Slab<T: 'static> {
+    Owned(Arc<[T]>),
+    /// INVARIANT: `len` items from byte `start` on lie inside the map and are aligned for T.
+    Mapped { map: Arc<memmap2::Mmap>, start: usize, len: usize },
+}
+
+impl<T: bytemuck::Pod> Deref for Slab<T> {
+    type Target = [T];
+
+    fn deref(&self) -> &[T] {
+        match self {
+            Slab::Owned(items) => items,
+            Slab::Mapped { map, start, len } => {
+                bytemuck::cast_slice(&map[*start..*start + *len * std::mem::size_of::<T>()])
+            }
+        }
+    }
+}
+
+impl<T> From<Vec<T>> for Slab<T> {
+    fn from(items: Vec<T>) -> Self {
+        Slab::Owned(items.into())
+    }
+}
+
+/// The integers of a tile, 16 an entry. Eight bits are enough for images; sixteen serve untruncated transport.
+#[derive(Clone)]
+pub enum Values {
+    I8(Slab<i8>),
+    I16(Slab<i16>),
+}
+
+/// A tile of M.
+#[derive(Clone)]
+pub struct Tile {
+    /// Rows of the tile; those that pad the last group are zero.
+    pub rows: usize,
+    /// Entries of column j are `starts[j]..starts[j + 1]`; the length is columns + 1.
+    pub starts: Slab<u32>,
+    /// For each entry: group number | shift << 10. Inside a column the group numbers ascend.
+    pub words: Slab<u16>,
+    pub values: Values,
+    /// Norm of each stored row in each band, `[row][band]`, bfloat16 rounded up (never below the true norm).
+    pub kept: Slab<u16>,
+    /// Norm of what truncation and rounding took from each row in each band, likewise.
+    pub dropped: Slab<u16>,
+}
+
+impl Tile {
+    pub fn groups(&self) -> usize {
+        self.rows.div_ceil(GROUP)
+    }
+}
+
+/// One group of 16 rows after truncation: what a pass hands over, column after column.
+#[derive(Clone, Debug, Default)]
+pub struct CompressedGroup {
+    /// Ascending.
+    pub columns: Vec<u32>,
+    /// The binary shift of each entry.
+    pub shifts: Vec<u8>,
+    /// 16 integers an entry; within -127..=127 where the tile is to hold eight bits.
+    pub values: Vec<i16>,
+    /// Norm of each stored row in each band, `[lane][band]`, bfloat16 rounded up.
+    pub kept: Vec<u16>,
+    /// Norm of what each row lost in each band (truncation and rounding), likewise.
+    pub dropped: Vec<u16>,
+}
+
+/// How wide the stored integers are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Width {
+    I8,
+    I16,
+}
+
+impl Width {
+    /// The largest magnitude used; the most negative integer stays free so that -q is always there.
+    pub fn max(self) -> i16 {
+        match self {
+            Width::I8 => i8::MAX as i16,
+            Width::I16 => i16::MAX,
+        }
+    }
+}
+
+impl Tile {
+    /// Turns groups (row order) into columns: a counting sort by column, stable in the group number.
+    pub fn assemble(rows: usize, columns: usize, width: Width, groups: &[CompressedGroup]) -> Tile {
+        debug_assert!(rows <= MAX_TILE_ROWS && groups.len() == rows.div_ceil(GROUP));
+        let mut starts = vec![0u32; columns + 1];
+        for group in groups {
+            for &column in &group.columns {
+                starts[column as usize + 1] += 1;
+            }
+        }
+        for column in 0..columns {
+            starts[column + 1] += starts[column];
+        }
+
+        let entries = starts[columns] as usize;
+        let mut next = starts.clone();
+        let mut words = vec![0u16; entries];
+        let mut wide = vec![0i16; if width == Width::I16 { entries * GROUP } else { 0 }];
+        let mut narrow = vec![0i8; if width == Width::I8 { entries * GROUP } else { 0 }];
+        for (number, group) in groups.iter().enumerate() {
+            for (k, &column) in group.columns.iter().enumerate() {
+                let entry = next[column as usize] as usize;
+                next[column as usize] += 1;
+                words[entry] = number as u16 | (group.shifts[k] as u16) << GROUP_BITS;
+                let lanes = &group.values[k * GROUP..(k + 1) * GROUP];
+                match width {
+                    Width::I16 => wide[entry * GROUP..(entry + 1) * GROUP].copy_from_slice(lanes),
+                    Width::I8 => {
+                        for (slot, &value) in narrow[entry * GROUP..(entry + 1) * GROUP].iter_mut().zip(lanes) {
+                            *slot = value as i8;
+                        }
+                    }
+                }
+            }
+        }
+
+        let norms = |of: fn(&CompressedGroup) -> &Vec<u16>| -> Slab<u16> {
+            let mut all: Vec<u16> = groups.iter().flat_map(|group| of(group).iter().copied()).collect();
+            let bands = all.len() / (groups.len() * GROUP).max(1);
+            all.truncate(rows * bands);
+            all.into()
+        };
+        Tile {
+            rows,
+            starts: starts.into(),
+            words: words.into(),
+            values: if width == Width::I16 { Values::I16(wide.into()) } else { Values::I8(narrow.into()) },
+            kept: norms(|group| &group.kept),
+            dropped: norms(|group| &group.dropped),
+        }
+    }
+}
