@@ -4,3 +4,7 @@
 pub mod basis;
 pub mod error;
 pub mod transport;
+pub mod update;
+
+#[cfg(feature = "python")]
+mod python;

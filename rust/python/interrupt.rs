@@ -1,0 +1,141 @@
+//! Running Rust work from Python: our own thread pool, no lock held, Ctrl-C and progress served meanwhile.
+//!
+//! The pool is keyed by the process id: rayon's threads do not survive `fork`, and a child that met its parent's pool
+//! would wait for them for ever. It is never rayon's global pool, which belongs to the application.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicU32, AtomicU64, AtomicUsize, Ordering};
+use std::sync::mpsc;
+use std::time::Duration;
+
+use pyo3::exceptions::{PyRuntimeError, PyValueError};
+use pyo3::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuilder};
+
+use crate::error::{Error, Result};
+
+/// How often waiting Python looks for Ctrl-C and moves its progress bar.
+const POLL: Duration = Duration::from_millis(50);
+
+static THREADS: AtomicUsize = AtomicUsize::new(0);
+static POOL: AtomicPtr<ThreadPool> = AtomicPtr::new(std::ptr::null_mut());
+static OWNER: AtomicU32 = AtomicU32::new(0);
+
+/// The pool of this process, made on first use. A pool of the parent process is left alone: it cannot be joined here.
+fn pool() -> std::result::Result<&'static ThreadPool, PyErr> {
+    let here = std::process::id();
+    let made = POOL.load(Ordering::Acquire);
+    if !made.is_null() && OWNER.load(Ordering::Acquire) == here {
+        // SAFETY: a pool is leaked when it is published and never freed.
+        return Ok(unsafe { &*made });
+    }
+    let pool = ThreadPoolBuilder::new()
+        .num_threads(THREADS.load(Ordering::Relaxed))
+        .thread_name(|k| format!("deltalux-{k}"))
+        .build()
+        .map_err(|error| PyRuntimeError::new_err(format!("cannot start threads: {error}")))?;
+    let fresh = Box::into_raw(Box::new(pool));
+    OWNER.store(here, Ordering::Release);
+    POOL.store(fresh, Ordering::Release);
+    // SAFETY: as above.
+    Ok(unsafe { &*fresh })
+}
+
+/// A panic in the core is our fault: it reaches the user as a plain `RuntimeError`, never as a `BaseException`.
+fn caught<T>(work: impl FnOnce() -> T) -> PyResult<T> {
+    catch_unwind(AssertUnwindSafe(work)).map_err(|cause| {
+        let what = cause
+            .downcast_ref::<String>()
+            .map(String::as_str)
+            .or_else(|| cause.downcast_ref::<&str>().copied())
+            .unwrap_or("unknown cause");
+        PyRuntimeError::new_err(format!("internal error in deltalux (please report it): {what}"))
+    })
+}
+
+/// Short work (a frame): in the pool, with the interpreter free for other threads.
+pub(crate) fn compute<T: Send>(py: Python<'_>, work: impl FnOnce() -> Result<T> + Send) -> PyResult<T> {
+    let pool = pool()?;
+    py.detach(|| caught(|| pool.install(work)))?.map_err(PyErr::from)
+}
+
+/// What long work reads and reports: whether to stop, and how far it is.
+#[derive(Default)]
+pub(crate) struct Watch {
+    stop: AtomicBool,
+    done: AtomicU64,
+}
+
+impl Watch {
+    /// Counts finished work; an error once the user asked to stop.
+    pub(crate) fn advance(&self, amount: u64) -> Result<()> {
+        self.done.fetch_add(amount, Ordering::Relaxed);
+        if self.stop.load(Ordering::Relaxed) { Err(Error::Cancelled) } else { Ok(()) }
+    }
+}
+
+/// Long work: as `compute`, while the calling thread looks for Ctrl-C and calls `progress(done)` every 50 ms.
+///
+/// Raises what the signal handler or the callback raised, after the work has stopped.
+pub(crate) fn interruptible<T: Send>(
+    py: Python<'_>,
+    progress: Option<&Bound<'_, PyAny>>,
+    work: impl FnOnce(&Watch) -> Result<T> + Send,
+) -> PyResult<T> {
+    let pool = pool()?;
+    let watch = Watch::default();
+    let progress = progress.map(|callback| callback.clone().unbind());
+    py.detach(|| {
+        std::thread::scope(|scope| {
+            let (finished, wait) = mpsc::channel::<()>();
+            let worker = scope.spawn(|| {
+                let outcome = caught(|| pool.install(|| work(&watch)));
+                drop(finished);
+                outcome
+            });
+            let mut raised = None;
+            while let Err(mpsc::RecvTimeoutError::Timeout) = wait.recv_timeout(POLL) {
+                let looked = Python::attach(|py| {
+                    py.check_signals()?;
+                    match &progress {
+                        Some(callback) => callback.call1(py, (watch.done.load(Ordering::Relaxed),)).map(drop),
+                        None => Ok(()),
+                    }
+                });
+                if let Err(error) = looked {
+                    watch.stop.store(true, Ordering::Relaxed);
+                    raised.get_or_insert(error);
+                }
+            }
+            let outcome = worker.join().expect("panics are caught inside the worker")?;
+            match raised {
+                Some(error) => Err(error),
+                None => outcome.map_err(PyErr::from),
+            }
+        })
+    })
+}
+
+/// Sets how many threads later calls use (0: as many as there are processors).
+#[pyfunction]
+fn set_threads(threads: usize) -> PyResult<()> {
+    if threads > 1024 {
+        return Err(PyValueError::new_err(format!("expected 0 to 1024 threads, got {threads}")));
+    }
+    THREADS.store(threads, Ordering::Relaxed);
+    // The next call makes a new pool; the old one is left to whoever is still using it.
+    POOL.store(std::ptr::null_mut(), Ordering::Release);
+    Ok(())
+}
+
+/// How many threads the pool has.
+#[pyfunction]
+fn threads() -> PyResult<usize> {
+    Ok(pool()?.current_num_threads())
+}
+
+pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_function(wrap_pyfunction!(set_threads, module)?)?;
+    module.add_function(wrap_pyfunction!(threads, module)?)?;
+    Ok(())
+}

@@ -1,0 +1,40 @@
+//! The boundary to Python: convert, check, detach, compute, convert back; nothing else. One file per floor.
+
+mod interrupt;
+
+use pyo3::exceptions::{PyOSError, PyRuntimeError, PyValueError};
+use pyo3::prelude::*;
+
+use crate::error::Error;
+
+pub(crate) use interrupt::{compute, interruptible};
+
+pyo3::create_exception!(deltalux, FileError, PyValueError, "A file that is not what it claims to be.");
+pyo3::create_exception!(deltalux, Cancelled, PyRuntimeError, "Work that was told to stop.");
+
+impl From<Error> for PyErr {
+    fn from(error: Error) -> PyErr {
+        let message = error.to_string();
+        match error {
+            Error::Input(_) => PyValueError::new_err(message),
+            Error::File { .. } => FileError::new_err(message),
+            Error::Os { path, source } => match source.raw_os_error() {
+                Some(number) => {
+                    PyOSError::new_err((number, source.to_string(), path.to_string_lossy().into_owned()))
+                }
+                None => PyOSError::new_err(message),
+            },
+            Error::Cancelled => Cancelled::new_err(message),
+        }
+    }
+}
+
+#[pymodule(name = "_core")]
+fn core_module(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add("FileError", module.py().get_type::<FileError>())?;
+    module.add("Cancelled", module.py().get_type::<Cancelled>())?;
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add("DEBUG_BUILD", cfg!(debug_assertions))?;
+    interrupt::register(module)?;
+    Ok(())
+}

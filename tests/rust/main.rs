@@ -1,0 +1,2 @@
+//! The Rust suite: one module for each room of the house.
+
