@@ -2,7 +2,7 @@
 
 Read here rather than by a library because colours must stay floats, cameras must follow their parents, offsets of
 an untrusted file must be checked, and no file outside the scene's folder may be opened.
-Source: Khronos, glTF 2.0 specification, sections 3.5 (nodes), 3.6 (accessors), 3.9 (materials), 3.10 (cameras), 4 (GLB).
+Source: Khronos, glTF 2.0, sections 3.5 (nodes), 3.6 (accessors), 3.9 (materials), 3.10 (cameras), 4 (GLB).
 """
 
 from __future__ import annotations

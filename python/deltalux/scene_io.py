@@ -192,12 +192,13 @@ def _read_mesh(content: Content, data: bytes, kind: str) -> None:
         if len(mesh.faces) == 0:
             continue
         # The material's identity, not its name, is the key: names need not be unique.
-        material = getattr(mesh.visual, "material", None)
+        visual: Any = mesh.visual
+        material = getattr(visual, "material", None)
         if id(material) not in materials:
             materials[id(material)] = _material(content, material)
-        if mesh.visual.kind in ("vertex", "face"):
+        if visual.kind in ("vertex", "face"):
             content.leave_out("meshes with vertex colours", "shown in grey")
-        uv = getattr(mesh.visual, "uv", None)
+        uv = getattr(visual, "uv", None)
         content.add_part(
             Part(
                 vertices=np.asarray(mesh.vertices) @ transform[:3, :3].T + transform[:3, 3],

@@ -1,4 +1,4 @@
-"""Shapes that the built-in scenes are made of: surfaces over a grid, revolution, tubes, boxes, and leaves by the thousand.
+"""Shapes that the built-in scenes are made of: grids, surfaces of revolution, tubes, boxes, and leaves by the thousand.
 
 A shape is a pair (vertices (v, 3) float64, triangles (t, 3) int64). A `Model` collects shapes by material.
 Everything is numpy, deterministic and free of triangles without area.
@@ -53,7 +53,7 @@ def join(*shapes: Shape) -> Shape:
     return np.concatenate([vertices for vertices, _ in shapes]), np.concatenate(triangles)
 
 
-def moved(shape: Shape, offset: Sequence[float], turn: float = 0.0) -> Shape:
+def moved(shape: Shape, offset: Sequence[float] | np.ndarray, turn: float = 0.0) -> Shape:
     """The shape turned about +Y by `turn` degrees, then shifted."""
     angle = math.radians(turn)
     cos, sin = math.cos(angle), math.sin(angle)
@@ -96,7 +96,7 @@ def revolved(profile: Sequence[tuple[float, float]], segments: int = 64) -> Shap
     return surface(np.stack([x, np.broadcast_to(height[:, None], x.shape), z], axis=-1))
 
 
-def sphere(centre: Sequence[float], radius: float, segments: int = 32) -> Shape:
+def sphere(centre: Sequence[float] | np.ndarray, radius: float, segments: int = 32) -> Shape:
     """A sphere of latitudes and longitudes."""
     latitude = np.linspace(-0.5 * np.pi, 0.5 * np.pi, segments // 2 + 1)
     profile = [(radius * math.cos(t) if abs(t) < 1.5 else 0.0, radius * math.sin(t)) for t in latitude]
@@ -118,9 +118,9 @@ def tube(path: np.ndarray, radius: np.ndarray | float, sides: int = 8) -> Shape:
     return surface(path[..., None, :] + thickness[..., None, None] * ring)
 
 
-def arch(base: np.ndarray, heading: np.ndarray, rise: np.ndarray, bend: np.ndarray, length: np.ndarray, steps: int) -> (
-    np.ndarray
-):
+def arch(
+    base: np.ndarray, heading: np.ndarray, rise: np.ndarray, bend: np.ndarray, length: np.ndarray, steps: int
+) -> np.ndarray:
     """Centre lines of stalks that bend under their weight, (n, steps + 1, 3).
 
     A stalk begins at `base` (n, 3), points along the compass direction `heading` (n,) and upwards by `rise` (n,), and
@@ -135,7 +135,9 @@ def arch(base: np.ndarray, heading: np.ndarray, rise: np.ndarray, bend: np.ndarr
     return base[:, None, :] + np.concatenate([np.zeros_like(path[:, :1]), path], axis=1)
 
 
-def leaves(centre: np.ndarray, width: np.ndarray, fold: float = 0.3, up: Sequence[float] | np.ndarray = (0, 1, 0)) -> Shape:
+def leaves(
+    centre: np.ndarray, width: np.ndarray, fold: float = 0.3, up: Sequence[float] | np.ndarray = (0, 1, 0)
+) -> Shape:
     """Blades along centre lines (..., n, 3), `width` (..., n) wide on each side, folded upwards along the midrib."""
     tangent = unit(np.gradient(centre, axis=-2))
     side = unit(np.cross(tangent, np.broadcast_to(up, tangent.shape)))
