@@ -3,6 +3,7 @@
 
 pub mod basis;
 pub mod error;
+pub mod scene;
 pub mod transport;
 pub mod update;
 
