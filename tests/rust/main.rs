@@ -1,2 +1,1 @@
 //! The Rust suite: one module for each room of the house.
-
