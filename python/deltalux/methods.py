@@ -77,6 +77,7 @@ class Nonlinear(_Budgeted):
     """NWA, non-linear wavelet approximation: the largest terms of the light, from black, in every frame.
 
     Exactly one of the three budgets is given.
+
     Parameters
     ----------
     terms
@@ -114,7 +115,9 @@ class PerBand(_Budgeted):
     ``test`` decides: ``"simple"`` (is the light nearer to our copy than to zero?), ``"dealer"`` (together with the
     allocation, term by term), ``"exhaustive"`` (all combinations) or ``"fixed"`` (the ``fixed`` coarsest bands are
     incremental, the others always reset: NWA in those, which never converges). ``norm`` is the error they measure,
-    over columns and colours, in the weights of the choice: ``"l1"`` or ``"l2"``. Budget, ``weight`` and ``channels`` are those of `Nonlinear`.
+    over columns and colours, in the weights of the choice: ``"l1"`` or ``"l2"``.
+
+    Budget, ``weight`` and ``channels`` are those of `Nonlinear`.
     """
 
     test: str = "simple"

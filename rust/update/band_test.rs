@@ -72,19 +72,19 @@ struct Deck {
 
 impl Hand {
     fn new(frame: &Frame, band: usize, anew: bool, budget: &Budget, norm: Norm) -> Hand {
-        let limit = most_terms(frame, band, budget);
-        let mut largest = Largest::new(limit);
-        largest.offer(frame.range(band).start, frame.keys(band, anew));
+        let (range, keys) = (frame.range(band), frame.keys(band, anew));
+        let mut largest = Largest::new(most_terms(frame, band, budget));
+        largest.offer(range.start, keys);
         let cards = largest.sorted();
 
-        // Sum what is left from the smallest up; what lies beyond the limit is not listed.
-        let errors: Vec<f64> = cards.iter().map(|card| frame.error(card.candidate, anew, norm)).collect();
-        let listed: f64 = errors.iter().sum();
-        let complete = cards.len() < limit || limit == frame.range(band).len();
-        let beyond = if complete { 0.0 } else { (frame.norm(band, anew, norm) - listed).max(0.0) };
+        // What is never sent comes first, then the smallest card: no sum cancels, however large the largest are.
+        let error = |candidate: u32| frame.error(candidate, anew, norm);
+        let unlisted = |card: &Keyed| cards.last().is_none_or(|last| by_key(last, card).is_lt());
+        let all = range.zip(keys).map(|(candidate, &key)| Keyed { key, candidate: candidate as u32 });
+        let beyond: f64 = all.filter(unlisted).map(|card| error(card.candidate)).sum();
         let mut left = vec![beyond; cards.len() + 1];
         for n in (0..cards.len()).rev() {
-            left[n] = left[n + 1] + errors[n];
+            left[n] = left[n + 1] + error(cards[n].candidate);
         }
         let mut spent = vec![0.0; cards.len() + 1];
         for n in 0..cards.len() {

@@ -82,8 +82,11 @@ impl Frame<'_> {
 
     /// The keys of a band's candidates if it is reset (`anew`) or not.
     pub fn keys(&self, band: usize, anew: bool) -> &[f64] {
-        let keys = if anew { &self.scratch.anew } else { &self.scratch.incremental };
-        &keys[self.range(band)]
+        &self.all_keys(anew)[self.range(band)]
+    }
+
+    fn all_keys(&self, anew: bool) -> &[f64] {
+        if anew { &self.scratch.anew } else { &self.scratch.incremental }
     }
 
     /// What sending a candidate adds to the values, after the reset of its band where there is one.
@@ -103,13 +106,14 @@ impl Frame<'_> {
         self.costs.get(candidate as usize / lanes).map_or(0.0, |cost| cost / lanes as f64)
     }
 
-    /// What a candidate adds to the error for as long as it is not sent: additive over candidates.
+    /// What a candidate adds to the error for as long as it is not sent, in the weights of the keys: additive.
     pub fn error(&self, candidate: u32, anew: bool, norm: Norm) -> f64 {
-        let weight = self.weights[candidate as usize / self.channels.lanes()];
-        let change = self.change(candidate, anew).map(|change| weight * change);
         match norm {
-            Norm::L1 => change[0].abs() + change[1].abs() + change[2].abs(),
-            Norm::L2 => change[0] * change[0] + change[1] * change[1] + change[2] * change[2],
+            Norm::L1 => self.all_keys(anew)[candidate as usize],
+            Norm::L2 => {
+                let weight = self.weights[candidate as usize / self.channels.lanes()];
+                self.change(candidate, anew).iter().map(|change| (weight * change) * (weight * change)).sum()
+            }
         }
     }
 
