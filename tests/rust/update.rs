@@ -4,6 +4,7 @@ use _core::basis::{Bands, ColumnSpace};
 use _core::error::Error;
 use _core::update::{Approximation, BandTest, Budget, Channels, Method, Norm, Settings, Update};
 use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
 
 type Light = Vec<[f64; 3]>;
 
@@ -59,6 +60,13 @@ fn light() -> impl Strategy<Value = Light> {
         prop::collection::vec(prop::array::uniform3(even), 44),
         Just(vec![[0.0; 3]; 44]),
     ]
+}
+
+/// Coefficients whose sums are exact in any order, so that two programs cannot differ by rounding.
+fn exact_light() -> impl Strategy<Value = Light> {
+    let even = prop::array::uniform3((-1i64 << 40..1 << 40).prop_map(|x| x as f64));
+    let tied = prop::array::uniform3((-2..3i32).prop_map(f64::from));
+    prop_oneof![prop::collection::vec(even, 44), prop::collection::vec(tied, 44)]
 }
 
 /// Follows an update by hand: what whoever multiplies does.
@@ -129,7 +137,7 @@ fn joint(method: Method, budget: Budget) -> Settings {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 400, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 400, failure_persistence: None, rng_seed: RngSeed::Fixed(1), ..ProptestConfig::default() })]
 
     /// One step of anything: the update tells all that happened, within the budget, and nothing that did not.
     #[test]
@@ -228,7 +236,7 @@ proptest! {
 
     /// NWA, BI and PBI against the page they come from.
     #[test]
-    fn as_printed(before in light(), target in light(), terms in 1..50usize) {
+    fn as_printed(before in exact_light(), target in exact_light(), terms in 1..50usize) {
         for method in [Method::Nonlinear, Method::Incremental, PER_BAND(BandTest::Simple, Norm::L1)] {
             let mut follow = start(joint(method, Budget::Terms(terms)), &before);
             follow.step(&target).unwrap();
