@@ -79,7 +79,7 @@ impl SettingsItems<'_> {
 /// The rows of a (columns, 3) array in C order.
 pub(super) fn coefficients<'a>(array: &'a PyReadonlyArray2<f64>) -> Result<&'a [[f64; 3]]> {
     match array.as_slice() {
-        Ok(flat) if array.shape()[1] == 3 => Ok(flat.as_chunks().0),
+        Ok(flat) if array.shape()[1] == 3 => Ok(bytemuck::cast_slice(flat)),
         _ => Err(Error::input(format!(
             "expected coefficients of shape (columns, 3) in C order, got shape {:?}",
             array.shape()

@@ -72,19 +72,15 @@ struct Deck {
 
 impl Hand {
     fn new(frame: &Frame, band: usize, anew: bool, budget: &Budget, norm: Norm) -> Hand {
-        let (range, keys) = (frame.range(band), frame.keys(band, anew));
         let mut largest = Largest::new(most_terms(frame, band, budget));
-        largest.offer(range.start, keys);
+        largest.offer(frame.range(band).start, frame.keys(band, anew));
         let cards = largest.sorted();
 
-        // What is never sent comes first, then the smallest card: no sum cancels, however large the largest are.
-        let error = |candidate: u32| frame.error(candidate, anew, norm);
-        let unlisted = |card: &Keyed| cards.last().is_none_or(|last| by_key(last, card).is_lt());
-        let all = range.zip(keys).map(|(candidate, &key)| Keyed { key, candidate: candidate as u32 });
-        let beyond: f64 = all.filter(unlisted).map(|card| error(card.candidate)).sum();
+        // What is never sent comes first, then the smallest card.
+        let beyond = frame.error_beyond(band, anew, norm, &cards);
         let mut left = vec![beyond; cards.len() + 1];
         for n in (0..cards.len()).rev() {
-            left[n] = left[n + 1] + error(cards[n].candidate);
+            left[n] = left[n + 1] + frame.error(cards[n].candidate, anew, norm);
         }
         let mut spent = vec![0.0; cards.len() + 1];
         for n in 0..cards.len() {

@@ -5,6 +5,7 @@ use std::ops::Range;
 use crate::basis::Bands;
 
 use super::approximation::{Channels, Norm};
+use super::select::{Keyed, by_key};
 
 /// One frame's light against the values applied so far.
 pub(super) struct Frame<'a> {
@@ -39,6 +40,23 @@ fn key(weight: f64, magnitude: f64) -> f64 {
 impl Keys {
     /// Computes all keys in one pass over both vectors.
     pub fn measure(&mut self, channels: Channels, weights: &[f64], target: &[[f64; 3]], values: &[[f64; 3]]) {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has AVX2.
+            return unsafe { self.measure_avx2(channels, weights, target, values) };
+        }
+        self.measure_any(channels, weights, target, values);
+    }
+
+    /// The same code, compiled for four lanes: the same bits, since Rust never fuses or reorders.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn measure_avx2(&mut self, channels: Channels, weights: &[f64], target: &[[f64; 3]], values: &[[f64; 3]]) {
+        self.measure_any(channels, weights, target, values);
+    }
+
+    #[inline(always)]
+    fn measure_any(&mut self, channels: Channels, weights: &[f64], target: &[[f64; 3]], values: &[[f64; 3]]) {
         let count = target.len() * channels.lanes();
         self.incremental.resize(count, 0.0);
         self.anew.resize(count, 0.0);
@@ -117,12 +135,36 @@ impl Frame<'_> {
         }
     }
 
+    /// The error of a band of which only `cards`, its largest in order, are sent.
+    ///
+    /// It is summed up, never taken from the whole band's: that would cancel where the largest are very large.
+    pub fn error_beyond(&self, band: usize, anew: bool, norm: Norm, cards: &[Keyed]) -> f64 {
+        let (range, keys) = (self.range(band), self.keys(band, anew));
+        let Some(least) = cards.last() else { return 0.0 };
+        if cards.len() == range.len() {
+            return 0.0;
+        }
+        match norm {
+            // Of the keys that equal the least card's, some are cards.
+            Norm::L1 => {
+                let equal = keys.iter().map(|&key| (key == least.key) as usize).sum::<usize>();
+                let listed = cards.iter().rev().take_while(|card| card.key == least.key).count();
+                sum_below(keys, least.key) + (equal - listed) as f64 * least.key
+            }
+            Norm::L2 => {
+                let all = range.zip(keys).map(|(candidate, &key)| Keyed { key, candidate: candidate as u32 });
+                let unlisted = all.filter(|card| by_key(least, card).is_lt());
+                unlisted.map(|card| self.error(card.candidate, anew, norm)).sum()
+            }
+        }
+    }
+
     /// |L^new| (`anew`) or |L^new - L~| of a band, in the weights of the keys; the square of it for L2.
     ///
     /// Area is constant in a band of wavelets, so that area weights change nothing in the comparison of the two.
     pub fn norm(&self, band: usize, anew: bool, norm: Norm) -> f64 {
         match norm {
-            Norm::L1 => sum(self.keys(band, anew)),
+            Norm::L1 => sum_below(self.keys(band, anew), f64::INFINITY),
             Norm::L2 => {
                 let columns = self.bands.range(band);
                 let light = self.target[columns.clone()].iter().zip(&self.values[columns.clone()]);
@@ -132,29 +174,46 @@ impl Frame<'_> {
     }
 }
 
-/// The sum in eight interleaved parts: a fixed order that vectorises.
-fn sum(numbers: &[f64]) -> f64 {
+/// The sum of the numbers below a limit, in eight interleaved parts: a fixed order that vectorises.
+fn sum_below(numbers: &[f64], limit: f64) -> f64 {
+    #[cfg(target_arch = "x86_64")]
+    if is_x86_feature_detected!("avx2") {
+        // SAFETY: the processor has AVX2.
+        return unsafe { sum_below_avx2(numbers, limit) };
+    }
+    sum_below_any(numbers, limit)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn sum_below_avx2(numbers: &[f64], limit: f64) -> f64 {
+    sum_below_any(numbers, limit)
+}
+
+#[inline(always)]
+fn sum_below_any(numbers: &[f64], limit: f64) -> f64 {
+    let below = |number: f64| if number < limit { number } else { 0.0 };
     let blocks = numbers.chunks_exact(8);
     let mut parts = [0.0; 8];
     for (part, &number) in parts.iter_mut().zip(blocks.remainder()) {
-        *part += number;
+        *part += below(number);
     }
     for block in blocks {
-        for (part, number) in parts.iter_mut().zip(block) {
-            *part += number;
+        for (part, &number) in parts.iter_mut().zip(block) {
+            *part += below(number);
         }
     }
     parts.iter().sum()
 }
 
-/// The sum of (weight * (new - keep * old))^2, colour by colour, even and odd columns apart: six chains of additions.
+/// The sum of (weight * (new - keep * old))^2: a chain of additions for each colour.
 fn squares<'a>(keep: f64, light: impl Iterator<Item = (&'a f64, (&'a [f64; 3], &'a [f64; 3]))>) -> f64 {
-    let mut parts = [[0.0; 3]; 2];
-    for (column, (weight, (new, old))) in light.enumerate() {
-        for colour in 0..3 {
-            let error = weight * (new[colour] - keep * old[colour]);
-            parts[column % 2][colour] += error * error;
-        }
-    }
-    parts.as_flattened().iter().sum()
+    let [red, green, blue] = light.fold([0.0; 3], |sums: [f64; 3], (weight, (new, old))| {
+        let square = |c: usize| {
+            let error = weight * (new[c] - keep * old[c]);
+            sums[c] + error * error
+        };
+        [square(0), square(1), square(2)]
+    });
+    red + green + blue
 }

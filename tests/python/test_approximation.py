@@ -4,13 +4,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
-
 from deltalux.approximation import Approximation
 from deltalux.columns import Haar, parse
 from deltalux.methods import Full, HarmonicOrder, Incremental, Nonlinear, PerBand
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 # The one list that a new method joins.
 METHODS = [
