@@ -278,7 +278,7 @@ fn check_coefficients(coefficients: &[[f64; 3]], columns: usize) -> Result<()> {
     if flat.iter().fold(true, |all, number| all & (number.abs() <= MAX_COEFFICIENT)) {
         return Ok(());
     }
-    let at = flat.iter().position(|number| !(number.abs() <= MAX_COEFFICIENT)).unwrap_or(0);
+    let at = flat.iter().position(|number| number.is_nan() || number.abs() > MAX_COEFFICIENT).unwrap_or(0);
     Err(Error::input(format!(
         "expected finite coefficients of at most {MAX_COEFFICIENT:e} in magnitude, got {} in column {}, colour {}",
         flat[at],

@@ -270,8 +270,11 @@ def mean_errors(space, method, frames):
 
 
 def test_per_band_follows_a_rotation_best(rotation):
-    """The papers' claim (Fig. 6.2) at a moderate speed: PBI below BI of its budget, below NWA of twice it, and nearer and
-    nearer to a light that rests; the three tests within a few per cent; the coarsest band never reset."""
+    """The papers' claim (Fig. 6.2) at a moderate speed.
+
+    PBI is below BI of its budget, below NWA of twice it, and nearer and nearer to a light that rests; the three tests
+    agree within a few per cent; the coarsest band is never reset.
+    """
     space = Haar(32)
     moving = slice(1, 30)
     pbi = mean_errors(space, PerBand(terms=30), rotation)

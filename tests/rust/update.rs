@@ -76,8 +76,8 @@ fn replay(bands: &Bands, values: &[[f64; 3]], update: &Update) -> Light {
         values[bands.range(band)].fill([0.0; 3]);
     }
     for term in &update.terms {
-        for colour in 0..3 {
-            values[term.column as usize][colour] += term.change[colour];
+        for (value, change) in values[term.column as usize].iter_mut().zip(term.change) {
+            *value += change;
         }
     }
     values
