@@ -1,6 +1,7 @@
 //! The boundary to Python: convert, check, detach, compute, convert back; nothing else. One file per floor.
 
 mod interrupt;
+mod update;
 
 use pyo3::exceptions::{PyOSError, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
@@ -19,9 +20,7 @@ impl From<Error> for PyErr {
             Error::Input(_) => PyValueError::new_err(message),
             Error::File { .. } => FileError::new_err(message),
             Error::Os { path, source } => match source.raw_os_error() {
-                Some(number) => {
-                    PyOSError::new_err((number, source.to_string(), path.to_string_lossy().into_owned()))
-                }
+                Some(number) => PyOSError::new_err((number, source.to_string(), path.to_string_lossy().into_owned())),
                 None => PyOSError::new_err(message),
             },
             Error::Cancelled => Cancelled::new_err(message),
@@ -36,5 +35,6 @@ fn core_module(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("DEBUG_BUILD", cfg!(debug_assertions))?;
     interrupt::register(module)?;
+    update::register(module)?;
     Ok(())
 }
