@@ -1,5 +1,6 @@
 //! M and its forms: rows x columns, nothing else. No rays and no images here.
 
+pub mod dense;
 pub mod file;
 pub mod manifest;
 pub mod matrix;
@@ -8,8 +9,9 @@ pub mod tile;
 pub mod truncate;
 pub mod writer;
 
+pub use dense::Dense;
 pub use file::{Audit, Opened, ReceiverTable, open};
-pub use matrix::TransportMatrix;
+pub use matrix::{Csr, TransportMatrix};
 pub use tile::{CompressedGroup, GROUP, MAX_TILE_ROWS, Slab, Tile, Values, Width};
 pub use truncate::{Choice, Lanes, Survey, Truncation, compress_group, threshold_for};
 pub use writer::{Description, Writer};

@@ -370,7 +370,8 @@ impl Tile {
     }
 }
 
-fn group_of(word: u16) -> usize {
+/// The group's number in an entry's word.
+pub fn group_of(word: u16) -> usize {
     usize::from(word & ((1 << super::tile::GROUP_BITS) - 1))
 }
 
