@@ -216,13 +216,26 @@ fn read_receivers(file: &Shard, manifest: &Manifest) -> Result<ReceiverTable> {
         material: if has_material { Some(file.slab("material", &[rows])?) } else { None },
         background: file.slab("background", &[height * width])?,
     };
-    table.check(height * width).map_err(|what| file.error(what))?;
+    table.check(rows, manifest.image).map_err(|what| file.error(what))?;
     Ok(table)
 }
 
 impl ReceiverTable {
-    /// Whether pixels exist and all numbers are finite, those that are shares of something not negative.
-    pub fn check(&self, pixels: usize) -> std::result::Result<(), String> {
+    /// Whether there is one item a row and a pixel, pixels exist, and all numbers are finite, shares not negative.
+    pub fn check(&self, rows: usize, image: [usize; 2]) -> std::result::Result<(), String> {
+        let pixels = image[0].checked_mul(image[1]).ok_or("expected an image of at most 2^28 pixels")?;
+        let lengths = [
+            ("pixel", self.pixel.len(), rows),
+            ("weight", self.weight.len(), rows),
+            ("albedo", self.albedo.len(), 3 * rows),
+            ("position", self.position.len(), 3 * rows),
+            ("normal", self.normal.len(), 3 * rows),
+            ("material", self.material.as_ref().map_or(rows, |items| items.len()), rows),
+            ("background", self.background.len(), pixels),
+        ];
+        if let Some((what, found, expected)) = lengths.into_iter().find(|(_, found, expected)| found != expected) {
+            return Err(format!("expected {expected} numbers of {what}, found {found}"));
+        }
         if let Some(pixel) = self.pixel.iter().find(|&&pixel| pixel as usize >= pixels) {
             return Err(format!("expected pixels below {pixels}, found {pixel}"));
         }

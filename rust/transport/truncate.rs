@@ -344,28 +344,42 @@ impl Tile {
         lanes
     }
 
-    /// This tile under a coarser rule. Its stated losses hold against the original rows: they add up by the triangle
-    /// inequality, since an entry that is rounded twice need not lose at right angles.
-    pub fn retruncate(&self, bands: &Bands, quantum: i32, rule: &Truncation) -> Result<Tile> {
+    /// Calls `visit(group, columns x 16 rows)` with each group made dense, in order.
+    pub fn for_each_group(
+        &self,
+        columns: usize,
+        quantum: i32,
+        mut visit: impl FnMut(usize, &[Lanes]) -> Result<()>,
+    ) -> Result<()> {
         let (starts, entries) = self.by_group();
-        let mut dense = vec![[0.0; GROUP]; bands.columns()];
-        let mut groups = Vec::with_capacity(self.groups());
-        for group in 0..self.groups() {
-            let here = &entries[starts[group] as usize..starts[group + 1] as usize];
+        let mut dense = vec![[0.0; GROUP]; columns];
+        for (group, range) in starts.windows(2).enumerate() {
+            let here = &entries[range[0] as usize..range[1] as usize];
             for &(column, entry) in here {
                 dense[column as usize] = self.lanes(entry as usize, quantum);
             }
+            visit(group, &dense)?;
+            for &(column, _) in here {
+                dense[column as usize] = [0.0; GROUP];
+            }
+        }
+        Ok(())
+    }
+
+    /// This tile under a coarser rule. Its stated losses hold against the original rows: they add up by the triangle
+    /// inequality, since an entry that is rounded twice need not lose at right angles.
+    pub fn retruncate(&self, bands: &Bands, quantum: i32, rule: &Truncation) -> Result<Tile> {
+        let mut groups = Vec::with_capacity(self.groups());
+        self.for_each_group(bands.columns(), quantum, |group, lanes| {
             let mut out = CompressedGroup::default();
-            compress_group(&dense, bands, rule, &mut out)?;
+            compress_group(lanes, bands, rule, &mut out)?;
             let before = &self.dropped[group * GROUP * bands.count()..];
             for (now, &earlier) in out.dropped.iter_mut().zip(before) {
                 *now = bf16_up(f64::from(bf16(*now)) + f64::from(bf16(earlier)));
             }
             groups.push(out);
-            for &(column, _) in here {
-                dense[column as usize] = [0.0; GROUP];
-            }
-        }
+            Ok(())
+        })?;
         Ok(Tile::assemble(self.rows, bands.columns(), rule.width, &groups))
     }
 }
