@@ -12,8 +12,8 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::transport::manifest::{Manifest, TILES_PER_SHARD, width_name};
-use crate::transport::truncate::{Survey, bf16};
-use crate::transport::{Audit, Dense, Description, ReceiverTable, Tile, TransportMatrix, Truncation, Values};
+use crate::transport::truncate::bf16;
+use crate::transport::{Audit, Dense, Description, ReceiverTable, Survey, Tile, TransportMatrix, Truncation, Values};
 use crate::transport::{Width, Writer, open};
 
 use super::{compute, interruptible};

@@ -4,8 +4,9 @@ use crate::basis::ColumnSpace;
 use crate::error::{Error, Result};
 
 use super::matrix::TransportMatrix;
+use super::quantize::Lanes;
 use super::tile::{CompressedGroup, GROUP, MAX_TILE_ROWS, Tile};
-use super::truncate::{Lanes, Truncation, compress_group};
+use super::truncate::{Truncation, compress_group};
 
 /// `rows` x `columns` numbers, row-major.
 #[derive(Clone, Debug, PartialEq)]

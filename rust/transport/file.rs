@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use super::manifest::{AUDIT, FileEntry, Manifest};
 use super::matrix::TransportMatrix;
 use super::shard::{Shard, Tensor};
-use super::tile::{GROUP, GROUP_BITS, MAX_TILE_ROWS, Slab, Tile, Values, Width};
+use super::tile::{GROUP, MAX_TILE_ROWS, Slab, Tile, Values, Width, group_of, shift_of};
 use super::truncate::max_step;
 
 /// What turns rows into an image: one item a row, and the light that passes by the scene.
@@ -172,7 +172,7 @@ fn check_words(tile: &Tile, most: i32) -> std::result::Result<(), String> {
     for (column, range) in tile.starts.windows(2).enumerate() {
         let mut before = -1;
         for &word in &tile.words[range[0] as usize..range[1] as usize] {
-            let (group, shift) = (i32::from(word & ((1 << GROUP_BITS) - 1)), i32::from(word >> GROUP_BITS));
+            let (group, shift) = (group_of(word) as i32, shift_of(word));
             if group <= before || group >= groups {
                 return Err(format!(
                     "expected ascending groups below {groups} in column {column}, found {group} after {before}"
@@ -189,17 +189,15 @@ fn check_words(tile: &Tile, most: i32) -> std::result::Result<(), String> {
 
 fn padding_is_zero(tile: &Tile) -> bool {
     let used = tile.rows % GROUP;
-    let last = (tile.groups() - 1) as u16;
+    let last = tile.groups() - 1;
     used == 0
-        || tile.words.iter().enumerate().filter(|&(_, word)| word & ((1 << GROUP_BITS) - 1) == last).all(
-            |(entry, _)| {
-                let padding = entry * GROUP + used..(entry + 1) * GROUP;
-                match &tile.values {
-                    Values::I8(values) => values[padding].iter().all(|&value| value == 0),
-                    Values::I16(values) => values[padding].iter().all(|&value| value == 0),
-                }
-            },
-        )
+        || tile.words.iter().enumerate().filter(|&(_, &word)| group_of(word) == last).all(|(entry, _)| {
+            let padding = entry * GROUP + used..(entry + 1) * GROUP;
+            match &tile.values {
+                Values::I8(values) => values[padding].iter().all(|&value| value == 0),
+                Values::I16(values) => values[padding].iter().all(|&value| value == 0),
+            }
+        })
 }
 
 fn read_receivers(file: &Shard, manifest: &Manifest) -> Result<ReceiverTable> {

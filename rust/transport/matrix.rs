@@ -8,8 +8,9 @@ use rayon::prelude::*;
 use crate::basis::{Bands, ColumnSpace};
 use crate::error::Result;
 
-use super::tile::{GROUP, Slab, Tile, Values};
-use super::truncate::{Lanes, Truncation, bf16, group_of};
+use super::quantize::Lanes;
+use super::tile::{GROUP, Tile, group_of};
+use super::truncate::{Truncation, bf16};
 
 /// Columns that one thread takes at a time where the work goes by columns.
 const COLUMNS: usize = 256;
@@ -150,15 +151,6 @@ impl TransportMatrix {
 }
 
 impl Tile {
-    pub fn nbytes(&self) -> usize {
-        let values = match &self.values {
-            Values::I8(values) => values.len(),
-            Values::I16(values) => 2 * values.len(),
-        };
-        let halves: usize = [&self.words, &self.kept, &self.dropped].map(|slab: &Slab<u16>| slab.len()).iter().sum();
-        4 * self.starts.len() + 2 * halves + values
-    }
-
     fn to_csr(&self, quantum: i32) -> Csr {
         let (starts, entries) = self.by_group();
         let mut csr = Csr { indptr: vec![0], indices: Vec::new(), data: Vec::new() };

@@ -12,22 +12,16 @@
 //! Tried and left: a threshold per single entry (the other lanes are paid for anyway), a threshold on the error of each row
 //! (at equal bytes it doubles the error of the image).
 
-use rayon::prelude::*;
-
 use crate::basis::Bands;
 use crate::error::{Error, Result};
 
-use super::tile::{CompressedGroup, GROUP, Tile, Values, Width};
-
-/// One column of a group: its coefficient in each of the 16 rows.
-pub type Lanes = [f32; GROUP];
+#[cfg(target_arch = "x86_64")]
+use super::quantize::Avx2;
+use super::quantize::{BLOCK, Kernel, Lanes, Portable, Screened, integer_bits, power_of_two, round};
+use super::tile::{CompressedGroup, GROUP, Tile, Width};
 
 /// The scaling functions of the six faces: the first columns of band 0.
-const SCALING: usize = 6;
-/// Columns screened between two flushes of the f32 sums into f64.
-const BLOCK: usize = 64;
-/// The largest shift that an entry's word can hold (6 bits).
-const MAX_SHIFT: i32 = 63;
+pub const SCALING: usize = 6;
 /// Stored values stay below 2^20, so that sums of them cannot overflow anything.
 pub const MAX_EXPONENT: i32 = 20;
 /// The least quantum, so that every intermediate value is an ordinary f32.
@@ -80,15 +74,8 @@ pub fn check_quantum(quantum: i32, width: Width) -> Result<()> {
     Err(Error::input(format!("expected a quantum (exponent of two) from {MIN_QUANTUM} to {most}, got {quantum}")))
 }
 
-fn integer_bits(width: Width) -> i32 {
-    match width {
-        Width::I8 => 7,
-        Width::I16 => 15,
-    }
-}
-
 /// sqrt(area) of each band: the areas of a band's columns are equal.
-fn area_weights(bands: &Bands) -> Vec<f64> {
+pub fn area_weights(bands: &Bands) -> Vec<f64> {
     (0..bands.count()).map(|band| bands.areas[bands.range(band).start].sqrt()).collect()
 }
 
@@ -112,29 +99,28 @@ pub fn bf16(bits: u16) -> f32 {
 ///
 /// Fails where a coefficient is not finite or too large to be stored.
 pub fn compress_group(lanes: &[Lanes], bands: &Bands, rule: &Truncation, out: &mut CompressedGroup) -> Result<()> {
-    assert_eq!(lanes.len(), bands.columns());
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("avx2") {
-        // SAFETY: the instruction set was found. PERF: 24,576 columns in 40 us instead of 150 (cargo test, release).
+        // SAFETY: the instruction set was found.
         return unsafe { compress_avx2(lanes, bands, rule, out) };
     }
     compress_portable(lanes, bands, rule, out)
 }
 
-/// The same source compiled for AVX2: without fused multiplication the results are the same bits.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
 fn compress_avx2(lanes: &[Lanes], bands: &Bands, rule: &Truncation, out: &mut CompressedGroup) -> Result<()> {
-    compress(lanes, bands, rule, out)
+    compress::<Avx2>(lanes, bands, rule, out)
 }
 
 /// The path of every other machine; public so that the suite can hold the two against each other.
 pub fn compress_portable(lanes: &[Lanes], bands: &Bands, rule: &Truncation, out: &mut CompressedGroup) -> Result<()> {
-    compress(lanes, bands, rule, out)
+    compress::<Portable>(lanes, bands, rule, out)
 }
 
 #[inline(always)]
-fn compress(lanes: &[Lanes], bands: &Bands, rule: &Truncation, out: &mut CompressedGroup) -> Result<()> {
+fn compress<K: Kernel>(lanes: &[Lanes], bands: &Bands, rule: &Truncation, out: &mut CompressedGroup) -> Result<()> {
+    assert_eq!(lanes.len(), bands.columns());
     out.columns.clear();
     out.shifts.clear();
     out.values.clear();
@@ -146,25 +132,22 @@ fn compress(lanes: &[Lanes], bands: &Bands, rule: &Truncation, out: &mut Compres
 
     for band in 0..count {
         let limit = rule.limit(band);
-        let mut kept = [0.0f64; GROUP];
-        let mut dropped = Dropped::default();
+        let mut norms = Norms::default();
         let range = bands.range(band);
-        let scaling = if band == 0 { SCALING.min(range.len()) } else { 0 };
+        let head = if band == 0 { SCALING.min(range.end) } else { range.start };
 
-        // The scaling functions are a block of their own, which only an empty entry does not survive.
-        let head = range.start + scaling;
-        keep_block(lanes, range.start..head, f32::MIN_POSITIVE, rule, &mut kept, &mut dropped, out)?;
+        // The scaling functions are a block of their own, in which only an empty entry is dropped.
+        keep_block::<K>(lanes, range.start..head, f32::MIN_POSITIVE, rule, &mut norms, out)?;
         for start in (head..range.end).step_by(BLOCK) {
-            keep_block(lanes, start..range.end.min(start + BLOCK), limit, rule, &mut kept, &mut dropped, out)?;
+            keep_block::<K>(lanes, start..range.end.min(start + BLOCK), limit, rule, &mut norms, out)?;
         }
-
         for lane in 0..GROUP {
-            let lost = dropped.norm(lane);
-            if !lost.is_finite() {
+            let dropped = norms.dropped(lane);
+            if !dropped.is_finite() {
                 return Err(Error::input("expected finite transport coefficients, found NaN or infinity"));
             }
-            out.kept[lane * count + band] = bf16_up(kept[lane].sqrt() * MARGIN);
-            out.dropped[lane * count + band] = bf16_up(lost);
+            out.kept[lane * count + band] = bf16_up(norms.kept[lane].sqrt() * MARGIN);
+            out.dropped[lane * count + band] = bf16_up(dropped);
         }
     }
     Ok(())
@@ -172,200 +155,81 @@ fn compress(lanes: &[Lanes], bands: &Bands, rule: &Truncation, out: &mut Compres
 
 /// Screens up to 64 columns and rounds those that stay.
 #[inline(always)]
-fn keep_block(
+fn keep_block<K: Kernel>(
     lanes: &[Lanes],
     range: std::ops::Range<usize>,
     limit: f32,
     rule: &Truncation,
-    kept: &mut [f64; GROUP],
-    dropped: &mut Dropped,
+    norms: &mut Norms,
     out: &mut CompressedGroup,
 ) -> Result<()> {
-    let mut mask = screen(&lanes[range.clone()], limit, dropped);
+    let screened = K::screen(&lanes[range.clone()], limit);
+    norms.lose_columns(&screened, range.len());
+    let mut mask = screened.mask;
     while mask != 0 {
         let column = range.start + mask.trailing_zeros() as usize;
         mask &= mask - 1;
-        let rounded = round(&lanes[column], rule.quantum, rule.width)?;
-        dropped.add(&rounded.residual);
+        let rounded = round::<K>(&lanes[column], rule.quantum, rule.width)?;
+        norms.lose_rounding(&rounded.residual);
         if rounded.integers == [0; GROUP] {
             continue;
         }
         out.columns.push(column as u32);
         out.shifts.push(rounded.shift);
         out.values.extend_from_slice(&rounded.integers);
-        let step = power_of_two(rule.quantum + i32::from(rounded.shift));
-        for lane in 0..GROUP {
-            let value = f64::from(rounded.integers[lane]) * f64::from(step);
-            kept[lane] += value * value;
-        }
+        norms.keep(&rounded.integers, power_of_two(rule.quantum + i32::from(rounded.shift)));
     }
     Ok(())
 }
 
-/// Energy lost by each lane in one band.
+/// Squared norms of each lane in one band.
 #[derive(Default)]
-struct Dropped {
-    energy: [f64; GROUP],
-    /// How many columns lost something in some lane: what may have vanished below f32's range.
-    columns: u32,
+struct Norms {
+    kept: [f64; GROUP],
+    dropped: [f64; GROUP],
+    /// How many columns were dropped or rounded: the number of squares that may have vanished below f32's range.
+    columns: usize,
     /// Bits of everything a lane lost: zero only where it lost exactly nothing.
     bits: [u32; GROUP],
 }
 
-impl Dropped {
+impl Norms {
     #[inline(always)]
-    fn add(&mut self, residual: &Lanes) {
+    fn keep(&mut self, integers: &[i16; GROUP], step: f32) {
+        for (sum, &integer) in self.kept.iter_mut().zip(integers) {
+            let value = f64::from(f32::from(integer) * step);
+            *sum += value * value;
+        }
+    }
+
+    #[inline(always)]
+    fn lose_rounding(&mut self, residual: &Lanes) {
         self.columns += 1;
         for lane in 0..GROUP {
-            self.energy[lane] += f64::from(residual[lane]) * f64::from(residual[lane]);
+            self.dropped[lane] += f64::from(residual[lane]) * f64::from(residual[lane]);
             self.bits[lane] |= residual[lane].to_bits() & 0x7fff_ffff;
         }
     }
 
+    #[inline(always)]
+    fn lose_columns(&mut self, screened: &Screened, columns: usize) {
+        self.columns += columns;
+        for lane in 0..GROUP {
+            self.dropped[lane] += f64::from(screened.energy[lane]);
+            self.bits[lane] |= screened.bits[lane];
+        }
+    }
+
     /// Never below the true norm, and zero only where nothing was lost.
-    fn norm(&self, lane: usize) -> f64 {
+    fn dropped(&self, lane: usize) -> f64 {
         if self.bits[lane] == 0 {
             return 0.0;
         }
-        (self.energy[lane] + f64::from(self.columns) * UNDERFLOW).sqrt() * MARGIN
+        (self.dropped[lane] + self.columns as f64 * UNDERFLOW).sqrt() * MARGIN
     }
-}
-
-/// Which of up to 64 columns have an energy of at least `limit`; the energy of the others goes to `dropped`.
-#[inline(always)]
-fn screen(lanes: &[Lanes], limit: f32, dropped: &mut Dropped) -> u64 {
-    let mut mask = 0u64;
-    let mut lost = [0.0f32; GROUP];
-    let mut bits = [0u32; GROUP];
-    for (k, lane) in lanes.iter().enumerate() {
-        let squares = lane.map(|value| value * value);
-        let keep = sum(&squares) >= limit;
-        mask |= u64::from(keep) << k;
-        // Branch-free: a kept column adds zero (its bits are masked away).
-        let dropping = if keep { 0u32 } else { u32::MAX };
-        for l in 0..GROUP {
-            lost[l] += f32::from_bits(squares[l].to_bits() & dropping);
-            bits[l] |= lane[l].to_bits() & dropping & 0x7fff_ffff;
-        }
-    }
-    dropped.columns += lanes.len() as u32;
-    for l in 0..GROUP {
-        dropped.energy[l] += f64::from(lost[l]);
-        dropped.bits[l] |= bits[l];
-    }
-    mask
-}
-
-/// The sum of 16 numbers as a tree of halves: one order on every machine.
-#[inline(always)]
-fn sum(x: &Lanes) -> f32 {
-    let a: [f32; 8] = std::array::from_fn(|l| x[l] + x[l + 8]);
-    let b: [f32; 4] = std::array::from_fn(|l| a[l] + a[l + 4]);
-    (b[0] + b[2]) + (b[1] + b[3])
-}
-
-/// An entry as integers, and what rounding left over.
-struct Rounded {
-    shift: u8,
-    integers: [i16; GROUP],
-    residual: Lanes,
-}
-
-/// Rounds 16 values to nearest (ties to even) multiples of 2^(quantum + shift), with the least shift that fits.
-#[inline(always)]
-fn round(lanes: &Lanes, quantum: i32, width: Width) -> Result<Rounded> {
-    let largest = lanes.iter().fold(0.0f32, |most, value| most.max(value.abs()));
-    let shift = least_shift(largest * power_of_two(-quantum), width);
-    if !largest.is_finite() || shift > MAX_SHIFT || quantum + shift > max_step(width) {
-        return Err(Error::input(format!(
-            "expected transport coefficients below 2^{}, found {largest}",
-            MAX_EXPONENT.min(quantum + MAX_SHIFT + integer_bits(width))
-        )));
-    }
-    // Both scales are powers of two: only the rounding to an integer is inexact, and the residual is exact in f32.
-    let inverse = power_of_two(-(quantum + shift));
-    let step = power_of_two(quantum + shift);
-    let nearest = lanes.map(|value| (value * inverse).round_ties_even());
-    Ok(Rounded {
-        shift: shift as u8,
-        integers: nearest.map(|value| value as i16),
-        residual: std::array::from_fn(|l| lanes[l] - nearest[l] * step),
-    })
-}
-
-/// The least s >= 0 with round(largest / 2^s) <= 2^bits - 1, for `largest` in units of the quantum.
-#[inline(always)]
-fn least_shift(largest: f32, width: Width) -> i32 {
-    let bits = integer_bits(width);
-    let exponent = (largest.to_bits() >> 23) as i32 - 127;
-    let shift = (exponent - (bits - 1)).max(0);
-    // Now largest / 2^shift < 2^bits; from 2^bits - 1/2 on it would round up to 2^bits.
-    let top = power_of_two(bits) - 0.5;
-    if shift <= MAX_SHIFT && largest * power_of_two(-shift) >= top { shift + 1 } else { shift }
-}
-
-#[inline(always)]
-fn power_of_two(exponent: i32) -> f32 {
-    debug_assert!((-126..=127).contains(&exponent));
-    f32::from_bits(((exponent + 127) as u32) << 23)
 }
 
 impl Tile {
-    /// Entries of each group in column order: `(starts, (column, entry))`, the transpose of the tile's own order.
-    pub fn by_group(&self) -> (Vec<u32>, Vec<(u32, u32)>) {
-        let mut starts = vec![0u32; self.groups() + 1];
-        for &word in self.words.iter() {
-            starts[group_of(word) + 1] += 1;
-        }
-        for group in 0..self.groups() {
-            starts[group + 1] += starts[group];
-        }
-        let mut next = starts.clone();
-        let mut entries = vec![(0, 0); self.words.len()];
-        for (column, range) in self.starts.windows(2).enumerate() {
-            for entry in range[0]..range[1] {
-                let slot = &mut next[group_of(self.words[entry as usize])];
-                entries[*slot as usize] = (column as u32, entry);
-                *slot += 1;
-            }
-        }
-        (starts, entries)
-    }
-
-    /// The 16 stored values of an entry.
-    pub fn lanes(&self, entry: usize, quantum: i32) -> Lanes {
-        let step = power_of_two(quantum + i32::from(self.words[entry] >> super::tile::GROUP_BITS));
-        let range = entry * GROUP..(entry + 1) * GROUP;
-        let mut lanes = [0.0; GROUP];
-        match &self.values {
-            Values::I8(values) => lanes.iter_mut().zip(&values[range]).for_each(|(x, &q)| *x = f32::from(q) * step),
-            Values::I16(values) => lanes.iter_mut().zip(&values[range]).for_each(|(x, &q)| *x = f32::from(q) * step),
-        }
-        lanes
-    }
-
-    /// Calls `visit(group, columns x 16 rows)` with each group made dense, in order.
-    pub fn for_each_group(
-        &self,
-        columns: usize,
-        quantum: i32,
-        mut visit: impl FnMut(usize, &[Lanes]) -> Result<()>,
-    ) -> Result<()> {
-        let (starts, entries) = self.by_group();
-        let mut dense = vec![[0.0; GROUP]; columns];
-        for (group, range) in starts.windows(2).enumerate() {
-            let here = &entries[range[0] as usize..range[1] as usize];
-            for &(column, entry) in here {
-                dense[column as usize] = self.lanes(entry as usize, quantum);
-            }
-            visit(group, &dense)?;
-            for &(column, _) in here {
-                dense[column as usize] = [0.0; GROUP];
-            }
-        }
-        Ok(())
-    }
-
     /// This tile under a coarser rule. Its stated losses hold against the original rows: they add up by the triangle
     /// inequality, since an entry that is rounded twice need not lose at right angles.
     pub fn retruncate(&self, bands: &Bands, quantum: i32, rule: &Truncation) -> Result<Tile> {
@@ -382,134 +246,4 @@ impl Tile {
         })?;
         Ok(Tile::assemble(self.rows, bands.columns(), rule.width, &groups))
     }
-}
-
-/// The group's number in an entry's word.
-pub fn group_of(word: u16) -> usize {
-    usize::from(word & ((1 << super::tile::GROUP_BITS) - 1))
-}
-
-/// Bins of an octave of weighted energy, and the octaves covered.
-const BINS: i32 = 16;
-const OCTAVES: std::ops::Range<i32> = -120..40;
-
-/// A survey of sample groups, from which a threshold is chosen: energies by size, in 60 KB whatever the sample.
-#[derive(Clone, Debug)]
-pub struct Survey {
-    weights: Vec<f64>,
-    quantum: i32,
-    width: Width,
-    groups: usize,
-    /// For the entries of each bin of weighted energy: number, energy under the prior, and what of it rounding takes.
-    bins: Vec<[f64; 3]>,
-    /// The same of the scaling columns, which stay whatever the threshold.
-    scaling: [f64; 3],
-}
-
-/// A threshold, and what to expect of it on groups like the samples.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Choice {
-    pub threshold: f64,
-    /// Relative L2 error of the image under the light prior E[V_j^2] ~ area_j, rounding included.
-    pub error: f64,
-    pub entries_per_group: f64,
-}
-
-impl Survey {
-    pub fn new(bands: &Bands, quantum: i32, width: Width) -> Result<Self> {
-        check_quantum(quantum, width)?;
-        let bins = vec![[0.0; 3]; (OCTAVES.len() as i32 * BINS) as usize];
-        Ok(Survey { weights: area_weights(bands), quantum, width, groups: 0, bins, scaling: [0.0; 3] })
-    }
-
-    /// Counts the entries of 16 raw rows.
-    pub fn add(&mut self, lanes: &[Lanes], bands: &Bands) -> Result<()> {
-        assert_eq!(lanes.len(), bands.columns());
-        self.groups += 1;
-        for band in 0..bands.count() {
-            let area = self.weights[band] * self.weights[band];
-            for column in bands.range(band) {
-                let energy = energy(&lanes[column]);
-                if energy == 0.0 {
-                    continue;
-                }
-                let rounded = round(&lanes[column], self.quantum, self.width)?;
-                let stored = f64::from(u8::from(rounded.integers != [0; GROUP]));
-                let scaling = band == 0 && column < SCALING;
-                let slot = if scaling { &mut self.scaling } else { &mut self.bins[bin(energy * area)] };
-                slot[0] += stored;
-                slot[1] += energy * area;
-                slot[2] += self::energy(&rounded.residual) * area;
-            }
-        }
-        Ok(())
-    }
-
-    /// Adds what another survey counted. Merge in a fixed order: sums are in floating point.
-    pub fn merge(&mut self, other: &Survey) {
-        self.groups += other.groups;
-        let pairs = self.bins.iter_mut().zip(&other.bins).chain([(&mut self.scaling, &other.scaling)]);
-        for (mine, theirs) in pairs {
-            for k in 0..3 {
-                mine[k] += theirs[k];
-            }
-        }
-    }
-
-    /// The largest threshold whose expected error does not exceed `tolerance`; 0, with the error that rounding alone
-    /// makes, where none does.
-    pub fn threshold_for(&self, tolerance: f64) -> Result<Choice> {
-        if !(0.0..1.0).contains(&tolerance) {
-            return Err(Error::input(format!("expected a truncation error from 0 to 1, got {tolerance}")));
-        }
-        let column = |k: usize| self.scaling[k] + self.bins.iter().map(|bin| bin[k]).sum::<f64>();
-        let [mut entries, total, mut lost] = [column(0), column(1), column(2)];
-        let per_group = |entries: f64| entries / self.groups.max(1) as f64;
-        let error = |lost: f64| if total > 0.0 { (lost.max(0.0) / total).sqrt() } else { 0.0 };
-        let mut choice = Choice { threshold: 0.0, error: error(lost), entries_per_group: per_group(entries) };
-
-        // Drop bin after bin, the smallest energies first: a dropped entry loses its energy instead of its rounding.
-        for (k, bin) in self.bins.iter().enumerate() {
-            lost += bin[1] - bin[2];
-            entries -= bin[0];
-            if error(lost) > tolerance {
-                break;
-            }
-            let upper = f64::from(OCTAVES.start) + (k + 1) as f64 / f64::from(BINS);
-            choice =
-                Choice { threshold: (upper / 2.0).exp2(), error: error(lost), entries_per_group: per_group(entries) };
-        }
-        Ok(choice)
-    }
-}
-
-/// Surveys raw sample groups in parallel and chooses: see `Survey::threshold_for`.
-pub fn threshold_for(
-    samples: &[&[Lanes]],
-    bands: &Bands,
-    quantum: i32,
-    width: Width,
-    tolerance: f64,
-) -> Result<Choice> {
-    let empty = Survey::new(bands, quantum, width)?;
-    let surveys: Vec<Survey> = samples
-        .par_iter()
-        .map(|lanes| {
-            let mut survey = empty.clone();
-            survey.add(lanes, bands).map(|()| survey)
-        })
-        .collect::<Result<_>>()?;
-    let mut all = empty;
-    surveys.iter().for_each(|survey| all.merge(survey));
-    all.threshold_for(tolerance)
-}
-
-fn energy(lanes: &Lanes) -> f64 {
-    lanes.iter().map(|&value| f64::from(value) * f64::from(value)).sum()
-}
-
-/// The bin of a weighted energy; what lies outside the octaves goes to the ends.
-fn bin(energy: f64) -> usize {
-    let position = (energy.log2() - f64::from(OCTAVES.start)) * f64::from(BINS);
-    (position.max(0.0) as usize).min((OCTAVES.len() as i32 * BINS) as usize - 1)
 }
