@@ -2,6 +2,7 @@
 
 mod interrupt;
 mod update;
+mod transport;
 
 use pyo3::exceptions::{PyOSError, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
@@ -36,5 +37,6 @@ fn core_module(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("DEBUG_BUILD", cfg!(debug_assertions))?;
     interrupt::register(module)?;
     update::register(module)?;
+    transport::register(module)?;
     Ok(())
 }

@@ -31,6 +31,12 @@ const FLOOR: f32 = 5e-7;
 /// Origins within this many median steps of each other belong to one patch.
 const LINK: f32 = 4.0;
 
+/// Triangles met per ray of a patch beyond which the rays are better walked one by one.
+const FINE: u32 = 20;
+
+/// Directions for which a patch that was too fine once goes one by one from the start: the next ones are its neighbours.
+const MEMORY: u8 = 15;
+
 /// Relative width of an edge that still counts as inside: a few units in the last place.
 const EDGE: f32 = 4.8e-7;
 
@@ -122,6 +128,9 @@ fn patches(origins: &[[f32; 3]], normals: &[[f32; 3]]) -> Vec<(u64, [f32; 3])> {
 struct BeamFrame {
     /// u, v and the direction itself.
     axes: [[f32; 3]; 3],
+    normal: [f32; 3],
+    /// Whether the direction leads away from the surface.
+    rises: bool,
 }
 
 impl BeamFrame {
@@ -141,52 +150,65 @@ impl BeamFrame {
             square = across[0] * across[0] + across[1] * across[1] + across[2] * across[2];
         }
         let u = across.map(|component| component / square.sqrt());
-        BeamFrame { axes: [u, cross(d, u), d] }
+        let along = normal[0] * d[0] + normal[1] * d[1] + normal[2] * d[2];
+        BeamFrame { axes: [u, cross(d, u), d], normal, rises: along >= 0.0 }
     }
 }
 
-/// Bundle origins seen along the direction, and the box around those that are still open.
+/// What a box or a triangle must meet to matter: the part of space that a beam, or one ray, passes through.
+struct Reach<L> {
+    /// u, v and the direction, one component a vector.
+    axes: [[L; 3]; 3],
+    /// A normal of the surface under the origins. Rays that rise along it cannot meet what lies below them all.
+    up: [L; 3],
+    /// Bounds in u and v, and of the origins' depths.
+    low: [f32; 3],
+    high: [f32; 3],
+    /// The origins' heights over their plane reach down to this.
+    floor: f32,
+}
+
+/// Bundle origins seen along the direction, and the boxes around those that are still open.
 struct Beam<L> {
     /// u, v, depth, and height over the bundle's plane, of each packet.
     at: [[L; PACKETS]; 4],
-    /// The plane's normal, one component a vector.
-    up: [L; 3],
     rises: bool,
-    low: [f32; 3],
-    high: [f32; 3],
-    /// The same box for each packet of eight rays, one packet a lane.
+    reach: Reach<L>,
+    /// The bounds of each packet of eight rays, one packet a lane.
     packet_low: [[f32; 8]; 3],
     packet_high: [[f32; 8]; 3],
     packet_floor: [f32; 8],
-    /// Heights of the open origins over the bundle's own plane reach down to this: what lies wholly below blocks nothing.
-    floor: f32,
+}
+
+impl<L: Lanes> Reach<L> {
+    /// Bounds that nothing meets yet.
+    #[inline(always)]
+    fn new(frame: &BeamFrame) -> Self {
+        let axes = [splat(&frame.axes[0]), splat(&frame.axes[1]), splat(&frame.axes[2])];
+        Reach { axes, up: splat(&frame.normal), low: [0.0; 3], high: [0.0; 3], floor: f32::NEG_INFINITY }
+    }
 }
 
 impl<L: Lanes> Beam<L> {
     #[inline(always)]
-    fn new(bundle: &Bundle, normal: [f32; 3], axes: &[[L; 3]; 3], d: [f32; 3]) -> Self {
-        let zero = L::splat(0.0);
-        let up = splat(&normal);
-        let mut at = [[zero; PACKETS]; 4];
+    fn new(bundle: &Bundle, frame: &BeamFrame) -> Self {
+        let reach = Reach::<L>::new(frame);
+        let mut at = [[L::splat(0.0); PACKETS]; 4];
         for packet in 0..PACKETS {
             let (x, y, z) =
                 (L::load(&bundle.origin[0][packet]), L::load(&bundle.origin[1][packet]), L::load(&bundle.origin[2][packet]));
             for k in 0..3 {
-                at[k][packet] = L::dot(x, y, z, &axes[k]);
+                at[k][packet] = L::dot(x, y, z, &reach.axes[k]);
             }
-            at[3][packet] = L::dot(x, y, z, &up);
+            at[3][packet] = L::dot(x, y, z, &reach.up);
         }
-        let along = normal[0] * d[0] + normal[1] * d[1] + normal[2] * d[2];
         Beam {
             at,
-            up,
-            rises: along >= 0.0,
-            low: [0.0; 3],
-            high: [0.0; 3],
+            rises: frame.rises,
+            reach,
             packet_low: [[0.0; 8]; 3],
             packet_high: [[0.0; 8]; 3],
             packet_floor: [f32::NEG_INFINITY; 8],
-            floor: f32::NEG_INFINITY,
         }
     }
 
@@ -203,8 +225,8 @@ impl<L: Lanes> Beam<L> {
                 self.packet_low[k][packet] = least(&lows) - SLACK;
                 self.packet_high[k][packet] = greatest(&highs) + SLACK;
             }
-            self.low[k] = least(&self.packet_low[k]);
-            self.high[k] = greatest(&self.packet_high[k]);
+            self.reach.low[k] = least(&self.packet_low[k]);
+            self.reach.high[k] = greatest(&self.packet_high[k]);
         }
         if self.rises {
             for packet in 0..PACKETS {
@@ -213,7 +235,7 @@ impl<L: Lanes> Beam<L> {
                 L::select(bits, self.at[3][packet], lowest).store(&mut heights);
                 self.packet_floor[packet] = least(&heights) - FLOOR;
             }
-            self.floor = least(&self.packet_floor);
+            self.reach.floor = least(&self.packet_floor);
         }
     }
 }
@@ -255,25 +277,25 @@ fn abs<L: Lanes>(of: &[L; 3]) -> [L; 3] {
 
 /// Which children of a node the beam meets: the box's shadow overlaps the rectangle, and the box is not behind.
 #[inline(always)]
-fn children_met<L: Lanes>(node: &Node, frame: &[[L; 3]; 3], across: &[[L; 3]; 3], beam: &Beam<L>) -> u32 {
+fn children_met<L: Lanes>(node: &Node, reach: &Reach<L>) -> u32 {
     let centre: [L; 3] = load(&node.centre);
     let half: [L; 3] = load(&node.half);
     let mut met = 0xff;
     for k in 0..2 {
-        let middle = L::dot(centre[0], centre[1], centre[2], &frame[k]);
-        let reach = L::dot(half[0], half[1], half[2], &across[k]);
-        let (low, high) = (L::splat(beam.low[k]), L::splat(beam.high[k]));
-        met &= low.le(middle.add(reach)) & middle.sub(reach).le(high);
+        let middle = L::dot(centre[0], centre[1], centre[2], &reach.axes[k]);
+        let extent = L::dot(half[0], half[1], half[2], &abs(&reach.axes[k]));
+        met &= L::splat(reach.low[k]).le(middle.add(extent)) & middle.sub(extent).le(L::splat(reach.high[k]));
     }
-    let far = L::dot(centre[0], centre[1], centre[2], &frame[2])
-        .add(L::dot(half[0], half[1], half[2], &across[2]));
-    let top = L::dot(centre[0], centre[1], centre[2], &beam.up)
-        .add(L::dot(half[0], half[1], half[2], &abs(&beam.up)));
-    met & L::splat(beam.low[2]).le(far) & L::splat(beam.floor).le(top)
+    let far = L::dot(centre[0], centre[1], centre[2], &reach.axes[2])
+        .add(L::dot(half[0], half[1], half[2], &abs(&reach.axes[2])));
+    let top =
+        L::dot(centre[0], centre[1], centre[2], &reach.up).add(L::dot(half[0], half[1], half[2], &abs(&reach.up)));
+    met & L::splat(reach.low[2]).le(far) & L::splat(reach.floor).le(top)
 }
 
 /// Eight triangles seen along the beam: edge functions oriented to be positive inside, ready to be met by rays.
 #[repr(C, align(32))]
+#[derive(Default)]
 struct Shadow {
     /// Edge k runs from corner k to k + 1: its base, its coefficients and its tolerance.
     base: [[[f32; 8]; 2]; 3],
@@ -290,29 +312,29 @@ struct Shadow {
 
 /// Projects a leaf's triangles; returns those that the rectangle may meet and those that cover all of it in front.
 #[inline(always)]
-fn cast<L: Lanes>(leaf: &Leaf, frame: &[[L; 3]; 3], beam: &Beam<L>, shadow: &mut Shadow) -> (u32, u32) {
+fn cast<L: Lanes>(leaf: &Leaf, reach: &Reach<L>, shadow: &mut Shadow) -> (u32, u32) {
     let mut top = L::splat(f32::NEG_INFINITY);
     let mut corner = [[L::splat(0.0); 3]; 3];
     for k in 0..3 {
         let [x, y, z]: [L; 3] = load(&leaf.corner[k]);
-        top = top.max(L::dot(x, y, z, &beam.up));
+        top = top.max(L::dot(x, y, z, &reach.up));
         for axis in 0..3 {
-            corner[k][axis] = L::dot(x, y, z, &frame[axis]);
+            corner[k][axis] = L::dot(x, y, z, &reach.axes[axis]);
         }
     }
 
     // The box of the shadow against the rectangle, and the farthest corner against the nearest ray.
-    let mut met = L::splat(beam.floor).le(top);
+    let mut met = L::splat(reach.floor).le(top);
     for k in 0..2 {
         let low = corner[0][k].min(corner[1][k]).min(corner[2][k]);
         let high = corner[0][k].max(corner[1][k]).max(corner[2][k]);
-        met &= low.le(L::splat(beam.high[k])) & L::splat(beam.low[k]).le(high);
+        met &= low.le(L::splat(reach.high[k])) & L::splat(reach.low[k]).le(high);
         low.store(&mut shadow.low[k]);
         high.store(&mut shadow.high[k]);
     }
     let near = corner[0][2].min(corner[1][2]).min(corner[2][2]);
     let far = corner[0][2].max(corner[1][2]).max(corner[2][2]);
-    met &= L::splat(beam.low[2]).lt(far);
+    met &= L::splat(reach.low[2]).lt(far);
     far.store(&mut shadow.high[2]);
     top.store(&mut shadow.top);
     if met == 0 {
@@ -327,10 +349,10 @@ fn cast<L: Lanes>(leaf: &Leaf, frame: &[[L; 3]; 3], beam: &Beam<L>, shadow: &mut
     met &= flat.lt(area.abs());
     let clockwise = area.lt(L::splat(0.0));
 
-    let middle = [L::splat(0.5 * (beam.low[0] + beam.high[0])), L::splat(0.5 * (beam.low[1] + beam.high[1]))];
+    let middle = [L::splat(0.5 * (reach.low[0] + reach.high[0])), L::splat(0.5 * (reach.low[1] + reach.high[1]))];
     let radius =
-        [L::splat(0.5 * (beam.high[0] - beam.low[0]) + SLACK), L::splat(0.5 * (beam.high[1] - beam.low[1]) + SLACK)];
-    let mut covered = L::splat(beam.high[2]).lt(near);
+        [L::splat(0.5 * (reach.high[0] - reach.low[0]) + SLACK), L::splat(0.5 * (reach.high[1] - reach.low[1]) + SLACK)];
+    let mut covered = L::splat(reach.high[2]).lt(near);
     for k in 0..3 {
         let (from, to) = (&corner[k], &corner[(k + 1) % 3]);
         // Both triangles at an edge start from the same end: the one with the lower (u, v).
@@ -346,9 +368,9 @@ fn cast<L: Lanes>(leaf: &Leaf, frame: &[[L; 3]; 3], beam: &Beam<L>, shadow: &mut
 
         // The whole rectangle beyond one edge: not met. Inside all three and in front: everything is blocked.
         let value = a.mul(middle[0].sub(base[0])).add(b.mul(middle[1].sub(base[1])));
-        let reach = a.abs().mul(radius[0]).add(b.abs().mul(radius[1]));
-        met &= tolerance.neg().le(value.add(reach));
-        covered &= tolerance.lt(value.sub(reach));
+        let extent = a.abs().mul(radius[0]).add(b.abs().mul(radius[1]));
+        met &= tolerance.neg().le(value.add(extent));
+        covered &= tolerance.lt(value.sub(extent));
 
         base[0].store(&mut shadow.base[k][0]);
         base[1].store(&mut shadow.base[k][1]);
@@ -395,64 +417,93 @@ fn blocked_by<L: Lanes>(shadow: &Shadow, triangle: usize, beam: &Beam<L>, open: 
     blocked
 }
 
+/// Whether any of eight triangles blocks one ray: the same arithmetic as `blocked_by`, across triangles.
+#[inline(always)]
+fn blocks<L: Lanes>(shadow: &Shadow, at: [f32; 3]) -> u32 {
+    let (u, v, t) = (L::splat(at[0]), L::splat(at[1]), L::splat(at[2]));
+    let mut inside = 0xff;
+    let mut ahead = L::splat(0.0);
+    for k in 0..3 {
+        let (base, slope) = (&shadow.base[k], &shadow.coefficient[k]);
+        let edge = L::load(&slope[0])
+            .mul(u.sub(L::load(&base[0])))
+            .add(L::load(&slope[1]).mul(v.sub(L::load(&base[1]))));
+        inside &= L::load(&shadow.tolerance[k]).le(edge);
+        ahead = ahead.add(edge.mul(L::load(&shadow.depth[k]).sub(t)));
+    }
+    inside & L::splat(0.0).lt(ahead)
+}
+
 /// Room for the walk, kept between calls.
 #[derive(Default)]
 pub struct Walk {
     stack: Vec<u32>,
+    shadow: Shadow,
+    /// For each patch of the bundle at hand, for how many directions more it goes one by one.
+    fine: Vec<u8>,
+}
+
+impl Walk {
+    /// Forgets what the last bundle's patches were like.
+    pub fn begin(&mut self, bundle: &Bundle) {
+        self.fine.clear();
+        self.fine.resize(bundle.patches.len(), 0);
+    }
 }
 
 #[inline(always)]
 fn walk<L: Lanes>(tree: &WideTree, bundle: &Bundle, direction: [f32; 3], active: u64, room: &mut Walk) -> u64 {
     let mut blocked = 0;
-    for &(patch, normal) in &bundle.patches {
-        if patch & active != 0 && !tree.nodes.is_empty() {
-            blocked |= walk_patch::<L>(tree, bundle, normal, direction, patch & active, room);
+    if tree.nodes.is_empty() {
+        return blocked;
+    }
+    for (number, &(patch, normal)) in bundle.patches.iter().enumerate() {
+        let active = patch & active;
+        if active == 0 {
+            continue;
+        }
+        let mut beam = Beam::<L>::new(bundle, &BeamFrame::new(direction, normal));
+        let mut fine = room.fine.get(number).copied().unwrap_or(0);
+        blocked |= if fine > 0 { one_by_one(tree, &mut beam, active, room) } else { together(tree, &mut beam, active, room, &mut fine) };
+        if let Some(memory) = room.fine.get_mut(number) {
+            *memory = fine.saturating_sub(1);
         }
     }
     blocked
 }
 
+/// The walk of one patch: box by box, until every ray is blocked or nothing is left.
+///
+/// Where triangles are much smaller than the patch, eight rays at a time meet one triangle at a time for nothing: the
+/// rays still open then go their way one by one. Both ways give the same answer to the bit.
 #[inline(always)]
-fn walk_patch<L: Lanes>(
-    tree: &WideTree,
-    bundle: &Bundle,
-    normal: [f32; 3],
-    direction: [f32; 3],
-    active: u64,
-    room: &mut Walk,
-) -> u64 {
-    let frame = BeamFrame::new(direction, normal);
-    let axes: [[L; 3]; 3] = [splat(&frame.axes[0]), splat(&frame.axes[1]), splat(&frame.axes[2])];
-    let across = [abs(&axes[0]), abs(&axes[1]), abs(&axes[2])];
-    let mut beam = Beam::<L>::new(bundle, normal, &axes, direction);
+fn together<L: Lanes>(tree: &WideTree, beam: &mut Beam<L>, active: u64, room: &mut Walk, fine: &mut u8) -> u64 {
     beam.bound(active);
-    let mut shadow =
-        Shadow { base: [[[0.0; 8]; 2]; 3], coefficient: [[[0.0; 8]; 2]; 3], tolerance: [[0.0; 8]; 3], depth: [[0.0; 8]; 3], low: [[0.0; 8]; 2], high: [[0.0; 8]; 3], top: [0.0; 8] };
-
     let mut open = active;
     let mut bounded = active.count_ones();
+    let mut met_so_far = 0;
     room.stack.clear();
     room.stack.push(0);
     while let Some(place) = room.stack.pop() {
         if place & LEAF == 0 {
-            let node = &tree.nodes[place as usize];
-            let mut met = children_met(node, &axes, &across, &beam);
-            while met != 0 {
-                room.stack.push(node.child[met.trailing_zeros() as usize]);
-                met &= met - 1;
-            }
+            push_children(&tree.nodes[place as usize], &beam.reach, room);
             continue;
         }
-        let (mut met, covering) = cast(&tree.leaves[(place & !LEAF) as usize], &axes, &beam, &mut shadow);
+        let (mut met, covering) = cast(&tree.leaves[(place & !LEAF) as usize], &beam.reach, &mut room.shadow);
         if covering != 0 {
             return active;
         }
+        met_so_far += met.count_ones();
         while met != 0 {
-            open &= !blocked_by(&shadow, met.trailing_zeros() as usize, &beam, open);
+            open &= !blocked_by(&room.shadow, met.trailing_zeros() as usize, beam, open);
             met &= met - 1;
         }
         if open == 0 {
             return active;
+        }
+        if met_so_far > FINE * bounded {
+            *fine = MEMORY;
+            return active & !open | one_by_one(tree, beam, open, room);
         }
         if 2 * open.count_ones() <= bounded {
             bounded = open.count_ones();
@@ -460,6 +511,53 @@ fn walk_patch<L: Lanes>(
         }
     }
     active & !open
+}
+
+#[inline(always)]
+fn push_children<L: Lanes>(node: &Node, reach: &Reach<L>, room: &mut Walk) {
+    let mut met = children_met(node, reach);
+    while met != 0 {
+        room.stack.push(node.child[met.trailing_zeros() as usize]);
+        met &= met - 1;
+    }
+}
+
+/// Each open ray by itself, across eight boxes and eight triangles at a time.
+#[inline(always)]
+fn one_by_one<L: Lanes>(tree: &WideTree, beam: &mut Beam<L>, open: u64, room: &mut Walk) -> u64 {
+    let mut seen = [[0.0f32; BUNDLE]; 4];
+    for k in 0..4 {
+        for packet in 0..PACKETS {
+            let lanes: &mut [f32; 8] = (&mut seen[k][8 * packet..8 * packet + 8]).try_into().expect("eight lanes");
+            beam.at[k][packet].store(lanes);
+        }
+    }
+    let mut blocked = 0;
+    let mut left = open;
+    while left != 0 {
+        let ray = left.trailing_zeros() as usize;
+        left &= left - 1;
+        for k in 0..3 {
+            beam.reach.low[k] = seen[k][ray] - SLACK;
+            beam.reach.high[k] = seen[k][ray] + SLACK;
+        }
+        beam.reach.floor = if beam.rises { seen[3][ray] - FLOOR } else { f32::NEG_INFINITY };
+        let at = [seen[0][ray], seen[1][ray], seen[2][ray]];
+        room.stack.clear();
+        room.stack.push(0);
+        while let Some(place) = room.stack.pop() {
+            if place & LEAF == 0 {
+                push_children(&tree.nodes[place as usize], &beam.reach, room);
+                continue;
+            }
+            let (met, _) = cast(&tree.leaves[(place & !LEAF) as usize], &beam.reach, &mut room.shadow);
+            if met != 0 && met & blocks::<L>(&room.shadow, at) != 0 {
+                blocked |= 1 << ray;
+                break;
+            }
+        }
+    }
+    blocked
 }
 
 #[cfg(target_arch = "x86_64")]

@@ -1,2 +1,4 @@
 //! The Rust suite: one module for each room of the house.
 mod update;
+
+mod transport;
