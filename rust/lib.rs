@@ -3,6 +3,7 @@
 
 pub mod basis;
 pub mod error;
+pub mod light;
 pub mod transport;
 pub mod update;
 

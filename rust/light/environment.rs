@@ -1,0 +1,2 @@
+//! Environment maps.
+pub struct EnvironmentMap;
