@@ -1,2 +1,3 @@
 //! The Rust suite: one module for each room of the house.
 
+mod basis;
