@@ -3,4 +3,8 @@
 pub mod cubemap;
 pub mod environment;
 
-pub use environment::EnvironmentMap;
+mod bright;
+mod lookup;
+mod resample;
+
+pub use environment::{EnvironmentMap, Layout};

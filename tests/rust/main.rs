@@ -1,3 +1,4 @@
 //! The Rust suite: one module for each room of the house.
 
 mod basis;
+mod light;
