@@ -7,7 +7,7 @@ use super::lookup::{lat_long_area, lat_long_direction};
 /// Bright pixels are those above this multiple of the map's mean magnitude...
 const BRIGHT: f64 = 4.0;
 /// ...and among the brightest of the map: no more squares than this are spread in a frame.
-const MAX_SQUARES: usize = 4096;
+const MAX_SQUARES: usize = 2048;
 /// A pixel wider than this many target texels is an area that the base resolves by itself.
 const MAX_WIDTH: f64 = 2.0;
 

@@ -34,14 +34,19 @@ struct Level {
 /// The rotated frame of a target face in the map's own axes: direction = s * right + t * down + out.
 type Frame = [[f32; 3]; 3];
 
-/// Where the quarters of a chunk look, as structure of arrays.
+/// Where the quarters of a chunk look, as structures of arrays.
 struct Points {
-    face: [u32; 2 * CHUNK],
-    /// Places in the face, in [0, 1].
-    u: [f32; 2 * CHUNK],
-    v: [f32; 2 * CHUNK],
+    fine: Places,
+    coarse: Places,
     /// How much of the coarser level.
     blend: [f32; 2 * CHUNK],
+}
+
+/// Places in a level: the first of the 2x2 texels that enclose each, and how far it lies between them.
+struct Places {
+    first: [u32; 2 * CHUNK],
+    x: [f32; 2 * CHUNK],
+    y: [f32; 2 * CHUNK],
 }
 
 impl Prepared {
@@ -117,7 +122,8 @@ impl Prepared {
             let shares = &self.quarters[row * self.size + chunk * CHUNK..][..texels.len()];
             let mut sums = [[0.0f32; 4]; CHUNK];
             for half in 0..2 {
-                let points = Points::new(frame, 2 * self.size, 2 * row + half, 2 * CHUNK * chunk);
+                let points =
+                    Points::new(frame, 2 * self.size as i32, (2 * row + half) as i32, (2 * CHUNK * chunk) as i32);
                 for (k, (sum, shares)) in sums.iter_mut().zip(shares).enumerate() {
                     for side in 0..2 {
                         let value = self.look(&points, 2 * k + side);
@@ -133,12 +139,12 @@ impl Prepared {
 
     #[inline(always)]
     fn look(&self, points: &Points, k: usize) -> [f32; 4] {
-        let (face, u, v, blend) = (points.face[k] as usize, points.u[k], points.v[k], points.blend[k]);
-        let fine = self.fine.look(face, u, v);
+        let blend = points.blend[k];
+        let fine = self.fine.look(&points.fine, k);
         if blend == 0.0 {
             return fine;
         }
-        let coarse = self.coarse.look(face, u, v);
+        let coarse = self.coarse.look(&points.coarse, k);
         std::array::from_fn(|c| fine[c] * (1.0 - blend) + coarse[c] * blend)
     }
 }
@@ -146,14 +152,14 @@ impl Prepared {
 impl Points {
     /// The points of row `row` of a face of `size` quarters, from column `first` on (some may lie beyond the face).
     #[inline(always)]
-    fn new(frame: &Frame, size: usize, row: usize, first: usize) -> Self {
+    fn new(frame: &Frame, size: i32, row: i32, first: i32) -> Self {
         let [right, down, out] = frame;
-        let t = (2.0 * row as f32 + 1.0 - size as f32) / size as f32;
+        let centre = |k: i32| (2 * k + 1 - size) as f32 / size as f32;
+        let t = centre(row);
         let start: [f32; 3] = std::array::from_fn(|axis| t * down[axis] + out[axis]);
-        let mut points =
-            Points { face: [0; 2 * CHUNK], u: [0.0; 2 * CHUNK], v: [0.0; 2 * CHUNK], blend: [0.0; 2 * CHUNK] };
+        let mut points = Points { fine: Places::new(), coarse: Places::new(), blend: [0.0; 2 * CHUNK] };
         for k in 0..2 * CHUNK {
-            let s = (2.0 * (first + k) as f32 + 1.0 - size as f32) / size as f32;
+            let s = centre(first + k as i32);
             let [x, y, z]: [f32; 3] = std::array::from_fn(|axis| start[axis] + s * right[axis]);
 
             // The face that is met, without branches: choose among three axes, then the sign.
@@ -182,16 +188,16 @@ impl Points {
             } else {
                 -y
             };
-            let axis = if is_x {
+            let face = (if is_x {
                 0
             } else if is_y {
                 2
             } else {
                 4
-            };
-            points.face[k] = axis + u32::from(major < 0.0);
-            points.u[k] = s * inverse * 0.5 + 0.5;
-            points.v[k] = t * inverse * 0.5 + 0.5;
+            }) + i32::from(major < 0.0);
+            let (u, v) = (s * inverse * 0.5 + 0.5, t * inverse * 0.5 + 0.5);
+            points.fine.set(k, size, face, u, v);
+            points.coarse.set(k, size / 2, face, u, v);
 
             // A texel at distance r from the centre of the cube has the solid angle (2/n)^2 / r^3. The target's r is
             // |d|, the source's |d| / major: its texels are 1 / major^3 as large, a third at most in mean length.
@@ -199,6 +205,39 @@ impl Points {
         }
         points
     }
+}
+
+impl Places {
+    #[inline(always)]
+    fn new() -> Self {
+        Places { first: [0; 2 * CHUNK], x: [0.0; 2 * CHUNK], y: [0.0; 2 * CHUNK] }
+    }
+
+    /// The point (u, v) in [0, 1] of a face in a level of `size` texels a side.
+    #[inline(always)]
+    fn set(&mut self, k: usize, size: i32, face: i32, u: f32, v: f32) {
+        let side = size + 2;
+        let (x, y) = (u * size as f32 + 0.5, v * size as f32 + 0.5);
+        let (left, top) = (floor(x).clamp(0.0, size as f32), floor(y).clamp(0.0, size as f32));
+        self.first[k] = ((face * side + integer(top)) * side + integer(left)) as u32;
+        self.x[k] = x - left;
+        self.y[k] = y - top;
+    }
+}
+
+/// 2^23: f32 numbers from here on are integers, so that adding it rounds and leaves the integer in the low bits.
+const INTEGERS: f32 = 8_388_608.0;
+
+/// The integer below x, or, where x is one itself, perhaps the one before: for interpolation that is the same.
+#[inline(always)]
+fn floor(x: f32) -> f32 {
+    (x - 0.5 + INTEGERS) - INTEGERS
+}
+
+/// A whole number in 0..2^23 as an integer. (Conversions with `as` saturate, which costs more than the lookup.)
+#[inline(always)]
+fn integer(x: f32) -> i32 {
+    (x + INTEGERS).to_bits() as i32 & 0x7f_ffff
 }
 
 impl Level {
@@ -212,21 +251,16 @@ impl Level {
         Level { size, texels: (0..6 * side * side).into_par_iter().map(texel).collect() }
     }
 
-    /// Bilinear at (u, v) in [0, 1] of a face.
+    /// Bilinear between the texels at place `k`.
     #[inline(always)]
-    fn look(&self, face: usize, u: f32, v: f32) -> [f32; 4] {
+    fn look(&self, places: &Places, k: usize) -> [f32; 4] {
+        let (first, x, y) = (places.first[k] as usize, places.x[k], places.y[k]);
         let side = self.size + 2;
-        let (x, y) = (u * self.size as f32 + 0.5, v * self.size as f32 + 0.5);
-        // Rounding may carry a point a hair beyond the face.
-        let (left, top) =
-            ((x as i32).clamp(0, self.size as i32) as usize, (y as i32).clamp(0, self.size as i32) as usize);
-        let (fx, fy) = (x - left as f32, y - top as f32);
-        let first = (face * side + top) * side + left;
         let (upper, lower) = (&self.texels[first..first + 2], &self.texels[first + side..first + side + 2]);
         let mut value = [0.0; 4];
         for c in 0..4 {
-            let line = |texels: &[[f32; 4]]| texels[0][c] * (1.0 - fx) + texels[1][c] * fx;
-            value[c] = line(upper) * (1.0 - fy) + line(lower) * fy;
+            let line = |texels: &[[f32; 4]]| texels[0][c] * (1.0 - x) + texels[1][c] * x;
+            value[c] = line(upper) * (1.0 - y) + line(lower) * y;
         }
         value
     }

@@ -1,6 +1,7 @@
 //! The boundary to Python: convert, check, detach, compute, convert back; nothing else. One file per floor.
 
 mod interrupt;
+mod light;
 
 use pyo3::exceptions::{PyOSError, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
@@ -34,5 +35,6 @@ fn core_module(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("DEBUG_BUILD", cfg!(debug_assertions))?;
     interrupt::register(module)?;
+    light::register(module)?;
     Ok(())
 }
