@@ -15,6 +15,8 @@
 //! L sqrt(dω) needs nearly all of them; that of L alone has no Parseval theorem on the sphere.)
 //! Columns are numbered as `ColumnSpace::Haar` says.
 
+use std::sync::OnceLock;
+
 use rayon::prelude::*;
 
 use crate::error::Result;
@@ -102,6 +104,20 @@ impl Haar {
         }
         weights.reverse();
         Ok(Haar { size, weights, roots })
+    }
+
+    /// The transform of this size, made once and kept: its tables are small and a frame has no time to make them.
+    pub fn shared(size: usize) -> Result<&'static Self> {
+        static MADE: [OnceLock<Haar>; 10] = [const { OnceLock::new() }; 10];
+        ColumnSpace::haar(size)?;
+        let slot = &MADE[size.trailing_zeros() as usize];
+        match slot.get() {
+            Some(haar) => Ok(haar),
+            None => {
+                let fresh = Haar::new(size)?;
+                Ok(slot.get_or_init(|| fresh))
+            }
+        }
     }
 
     pub fn size(&self) -> usize {

@@ -90,7 +90,7 @@ fn environment_cubemap(py: Python<'_>, parts: Vec<Part>, size: usize) -> PyResul
 /// Haar coefficients of the sum of the parts: (6 size^2, 3) float64. The part of a frame that chooses starts here.
 #[pyfunction]
 fn environment_coefficients(py: Python<'_>, parts: Vec<Part>, size: usize) -> PyResult<Bound<'_, PyArray2<f64>>> {
-    let coefficients = compute(py, || Ok(Haar::new(size)?.forward(&resampled(&parts, size)?)))?;
+    let coefficients = compute(py, || Ok(Haar::shared(size)?.forward(&resampled(&parts, size)?)))?;
     table(py, coefficients)
 }
 
@@ -124,7 +124,7 @@ fn haar_coefficients<'py>(
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let texels = colours(cubemap.as_slice().map_err(|_| not_contiguous())?)?;
     let coefficients = compute(py, || {
-        let haar = Haar::new(size)?;
+        let haar = Haar::shared(size)?;
         checked(haar.columns(), texels.len())?;
         Ok(haar.forward(&texels))
     })?;
@@ -140,7 +140,7 @@ fn haar_inverse<'py>(
 ) -> PyResult<Bound<'py, PyArray4<f64>>> {
     let (coefficients, _) = coefficients.as_slice().map_err(|_| not_contiguous())?.as_chunks::<3>();
     let radiance = compute(py, || {
-        let haar = Haar::new(size)?;
+        let haar = Haar::shared(size)?;
         checked(haar.columns(), coefficients.len())?;
         Ok(haar.inverse(coefficients))
     })?;
