@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 import os
 import warnings
 from collections.abc import Sequence
@@ -19,6 +20,7 @@ _Part = tuple[float, _core.EnvironmentMap, _Matrix]
 _IDENTITY: _Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 _LARGEST_HALF = 65504.0
+_LARGEST_FACE = 2048
 
 
 class Environment:
@@ -144,6 +146,9 @@ class Environment:
         Unrotated, the average is exact; rotated, it is interpolated with positive weights. Constants stay constant, and
         bright lights, however small, keep their flux under every rotation (``rust/light/environment.rs`` says how).
         """
+        size = operator.index(size)
+        if not 1 <= size <= _LARGEST_FACE:
+            raise ValueError(f"expected a cubemap face of 1 to {_LARGEST_FACE} texels, got {size}")
         return _core.environment_cubemap(self._parts, size)
 
     def radiance(self, directions: ArrayLike) -> NDArray[np.float32]:

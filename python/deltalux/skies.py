@@ -259,7 +259,7 @@ def _tiled_floor(across: Floats, along: Floats) -> Floats:
     tile = np.where(checker > 0, 0.42, 0.07) * (1 + 0.25 * _noise(across, along, 5, 6))
     slant = (along + 0.35 * across) % _BAY - _BAY / 2
     pool = (np.abs(slant) < 0.7) & (across > -1.0) & (across < 3.5) & (np.abs(slant * 3 % 1 - 0.5) < 0.44)
-    light = np.where(pool, 5.5, 0.35 + 0.06 * across)
+    light = np.where(pool, 5.5, 0.40 + 0.05 * across)
     return (tile * light)[:, None].astype(np.float32) * np.array([1.0, 0.93, 0.82], np.float32)
 
 
