@@ -3,6 +3,7 @@
 mod interrupt;
 mod update;
 mod transport;
+mod light;
 
 use pyo3::exceptions::{PyOSError, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
@@ -38,5 +39,6 @@ fn core_module(module: &Bound<'_, PyModule>) -> PyResult<()> {
     interrupt::register(module)?;
     update::register(module)?;
     transport::register(module)?;
+    light::register(module)?;
     Ok(())
 }

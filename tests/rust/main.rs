@@ -2,3 +2,5 @@
 mod update;
 
 mod transport;
+mod basis;
+mod light;
