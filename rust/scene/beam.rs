@@ -32,7 +32,7 @@ const FLOOR: f32 = 5e-7;
 const LINK: f32 = 4.0;
 
 /// Triangles met per ray of a patch beyond which the rays are better walked one by one.
-const FINE: u32 = 20;
+const FINE: u32 = 12;
 
 /// Directions for which a patch that was too fine once goes one by one from the start: the next ones are its neighbours.
 const MEMORY: u8 = 15;
