@@ -11,9 +11,9 @@
 //!
 //! Tried and dropped: packets of eight rays over obvhs's binary nodes (two to four times slower, `cargo bench`).
 
+use super::bundle::{Bundle, PACKETS};
 #[cfg(target_arch = "x86_64")]
 use super::lanes::Avx2;
-use super::bundle::{Bundle, PACKETS};
 use super::lanes::{Lanes, Portable};
 use super::shadow::{Leaf, Shadow};
 use super::shaft::Shaft;
@@ -111,8 +111,16 @@ impl<L: Lanes> Reach<L> {
         let axes = [splat(&frame.axes[0]), splat(&frame.axes[1]), splat(&frame.axes[2])];
         let direction = frame.axes[2];
         let sign = [sign(direction[0]), sign(direction[1]), sign(direction[2])];
-        Reach { axes, up: splat(&frame.normal), low: [0.0; 3], high: [0.0; 3], floor: f32::NEG_INFINITY, ceiling: f32::NEG_INFINITY,
-            sign, behind: [f32::NEG_INFINITY; 3] }
+        Reach {
+            axes,
+            up: splat(&frame.normal),
+            low: [0.0; 3],
+            high: [0.0; 3],
+            floor: f32::NEG_INFINITY,
+            ceiling: f32::NEG_INFINITY,
+            sign,
+            behind: [f32::NEG_INFINITY; 3],
+        }
     }
 
     /// The shadows of a node's eight boxes.
@@ -179,12 +187,18 @@ pub(super) struct Beam<L> {
 
 impl<L: Lanes> Beam<L> {
     #[inline(always)]
-    fn new(bundle: &Bundle, frame: &BeamFrame) -> Self {
+    fn new(bundle: &Bundle, frame: &BeamFrame, active: u64) -> Self {
         let reach = Reach::<L>::new(frame);
         let mut at = [[[0.0; 8]; PACKETS]; 4];
         for packet in 0..PACKETS {
-            let (x, y, z) =
-                (L::load(&bundle.origin[0][packet]), L::load(&bundle.origin[1][packet]), L::load(&bundle.origin[2][packet]));
+            if (active >> (8 * packet)) & 0xff == 0 {
+                continue;
+            }
+            let (x, y, z) = (
+                L::load(&bundle.origin[0][packet]),
+                L::load(&bundle.origin[1][packet]),
+                L::load(&bundle.origin[2][packet]),
+            );
             for k in 0..3 {
                 L::dot(x, y, z, &reach.axes[k]).store(&mut at[k][packet]);
             }
@@ -208,6 +222,9 @@ impl<L: Lanes> Beam<L> {
         let mut bounds = [out; 8];
         for packet in 0..PACKETS {
             let bits = (open >> (8 * packet)) as u32 & 0xff;
+            if bits == 0 {
+                continue;
+            }
             for k in 0..4 {
                 let at = L::load(&self.at[k][packet]);
                 bounds[k] = bounds[k].min(L::select(bits, at, out));
@@ -236,6 +253,9 @@ impl<L: Lanes> Beam<L> {
             let (mut low, mut high) = ([out; 8], [out; 8]);
             for packet in 0..PACKETS {
                 let bits = (open >> (8 * packet)) as u32 & 0xff;
+                if bits == 0 {
+                    continue;
+                }
                 let at = L::load(&self.at[k][packet]);
                 low[packet] = L::select(bits, at, out);
                 high[packet] = L::select(bits, at.neg(), out);
@@ -395,7 +415,11 @@ fn walk<L: Lanes>(
             continue;
         }
         let (low, high) = bundle.bounds(patch & any);
-        let shaft = if directions.len() > 1 { Shaft::<L>::new(bundle, normal, directions, patch & any, (low, high)) } else { None };
+        let shaft = if directions.len() > 1 {
+            Shaft::<L>::new(bundle, normal, directions, patch & any, (low, high))
+        } else {
+            None
+        };
         match shaft {
             Some(shaft) => shaft.gather(tree, &mut room.starts),
             None => room.starts.root(tree),
@@ -409,7 +433,7 @@ fn walk<L: Lanes>(
                 for axis in 0..3 {
                     behind[axis] = if direction[axis] >= 0.0 { low[axis] } else { -high[axis] } - SLACK;
                 }
-                let mut beam = Beam::<L>::new(bundle, &BeamFrame::new(directions[k], normal));
+                let mut beam = Beam::<L>::new(bundle, &BeamFrame::new(directions[k], normal), patch & active[k]);
                 blocked[k] |= blocked_along(tree, &mut beam, patch & active[k], behind, room);
             }
         }
@@ -424,7 +448,7 @@ fn blocked_along<L: Lanes>(tree: &WideTree, beam: &mut Beam<L>, active: u64, beh
     beam.packets_of = 0;
     room.stack.clear();
     for start in 0..room.starts.nodes.len() {
-        push_children(&room.starts.nodes[start], beam, active, active, &mut room.stack);
+        push_children(tree, &room.starts.nodes[start], beam, active, active, &mut room.stack);
     }
     if room.stack.is_empty() {
         return 0;
@@ -440,10 +464,10 @@ fn blocked_along<L: Lanes>(tree: &WideTree, beam: &mut Beam<L>, active: u64, beh
             continue;
         }
         if place & LEAF == 0 {
-            push_children(&tree.nodes[place as usize], beam, rays, open, &mut room.stack);
+            push_children(tree, &tree.nodes[place as usize], beam, rays, open, &mut room.stack);
             continue;
         }
-        let (met, covering) = room.shadow.cast(&tree.leaves[(place & !LEAF) as usize], &beam.reach);
+        let (met, covering) = room.shadow.cast(&tree.leaves[(place & !LEAF) as usize], &beam.reach, rays.count_ones());
         if covering != 0 {
             room.cover = Some(place);
             return active;
@@ -473,19 +497,37 @@ fn blocked_along<L: Lanes>(tree: &WideTree, beam: &mut Beam<L>, active: u64, beh
 }
 
 /// What one triangle against its packets costs, in rays against eight triangles.
-const PRICE: u32 = 2;
+const PRICE: u32 = 8;
 
 /// With fewer rays, each is held against eight boxes; with more, each box against packets of rays.
 const SCATTERED: u32 = 8;
 
+#[inline(always)]
+fn push<L: Lanes>(tree: &WideTree, place: u32, rays: u64, stack: &mut Vec<(u32, u64)>) {
+    let number = (place & !LEAF) as usize;
+    if place & LEAF == 0 {
+        L::prefetch(&tree.nodes[number]);
+    } else {
+        L::prefetch(&tree.leaves[number]);
+    }
+    stack.push((place, rays));
+}
+
 /// Pushes the boxes of a node that any of the `rays` lies in.
 #[inline(always)]
-fn push_children<L: Lanes>(node: &Node, beam: &mut Beam<L>, rays: u64, open: u64, stack: &mut Vec<(u32, u64)>) {
+fn push_children<L: Lanes>(
+    tree: &WideTree,
+    node: &Node,
+    beam: &mut Beam<L>,
+    rays: u64,
+    open: u64,
+    stack: &mut Vec<(u32, u64)>,
+) {
     let boxes = beam.reach.project(node);
     let (mut met, mut whole) = beam.reach.meets(&boxes);
     met &= !whole;
     while whole != 0 {
-        stack.push((node.child[whole.trailing_zeros() as usize], rays));
+        push::<L>(tree, node.child[whole.trailing_zeros() as usize], rays, stack);
         whole &= whole - 1;
     }
     if met == 0 {
@@ -508,7 +550,7 @@ fn push_children<L: Lanes>(node: &Node, beam: &mut Beam<L>, rays: u64, open: u64
         while any != 0 {
             let place = any.trailing_zeros() as usize;
             any &= any - 1;
-            stack.push((node.child[place], inside[place]));
+            push::<L>(tree, node.child[place], inside[place], stack);
         }
         return;
     }
@@ -527,7 +569,7 @@ fn push_children<L: Lanes>(node: &Node, beam: &mut Beam<L>, rays: u64, open: u64
         met &= met - 1;
         let inside = beam.rays_in(&stored, place, rays);
         if inside != 0 {
-            stack.push((node.child[place], inside));
+            push::<L>(tree, node.child[place], inside, stack);
         }
     }
 }

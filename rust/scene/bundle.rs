@@ -5,7 +5,7 @@ pub const BUNDLE: usize = 64;
 pub(super) const PACKETS: usize = BUNDLE / 8;
 
 /// Origins within this many median steps of each other belong to one patch.
-const LINK: f32 = 4.0;
+const LINK: f32 = 3.0;
 
 /// Origins of a bundle's rays, in the normalised scene.
 #[repr(C, align(32))]
@@ -76,7 +76,10 @@ fn patches(origins: &[[f32; 3]], normals: &[[f32; 3]]) -> Vec<(u64, [f32; 3])> {
             normal = std::array::from_fn(|k| normal[k] + normals[ray][k]);
         }
         let length = normal.iter().map(|n| n * n).sum::<f32>().sqrt();
-        found.push((patch, if length > 0.0 { normal.map(|n| n / length) } else { normals[patch.trailing_zeros() as usize] }));
+        found.push((
+            patch,
+            if length > 0.0 { normal.map(|n| n / length) } else { normals[patch.trailing_zeros() as usize] },
+        ));
     }
     found
 }

@@ -22,6 +22,9 @@ pub(super) trait Lanes: Copy {
     /// Lane l of the result is the least lane of `of[l]`.
     fn least_each(of: &[Self; 8]) -> Self;
 
+    /// Asks for memory that will be read soon.
+    fn prefetch<T>(of: &T);
+
     #[inline(always)]
     fn dot(x: Self, y: Self, z: Self, axis: &[Self; 3]) -> Self {
         x.mul(axis[0]).add(y.mul(axis[1])).add(z.mul(axis[2]))
@@ -97,6 +100,8 @@ impl Lanes for Portable {
     fn select(bits: u32, yes: Self, no: Self) -> Self {
         Portable(std::array::from_fn(|lane| if bits >> lane & 1 == 1 { yes.0[lane] } else { no.0[lane] }))
     }
+    #[inline(always)]
+    fn prefetch<T>(_: &T) {}
     #[inline(always)]
     fn least_each(of: &[Self; 8]) -> Self {
         Portable(std::array::from_fn(|lane| of[lane].0.iter().fold(f32::INFINITY, |a, &b| if a < b { a } else { b })))
@@ -174,6 +179,12 @@ mod avx2 {
                 let lane = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
                 let set = _mm256_cmpeq_epi32(_mm256_and_si256(_mm256_set1_epi32(bits as i32), lane), lane);
                 Avx2(_mm256_blendv_ps(no.0, yes.0, _mm256_castsi256_ps(set)))
+            }
+        }
+        #[inline(always)]
+        fn prefetch<T>(of: &T) {
+            for line in (0..size_of::<T>()).step_by(64) {
+                unsafe { _mm_prefetch::<_MM_HINT_T0>((of as *const T).cast::<i8>().add(line)) }
             }
         }
         #[inline(always)]

@@ -11,7 +11,7 @@ use super::bundle::{Bundle, PACKETS};
 use super::lanes::Lanes;
 
 /// Boxes that the walks of a block start from, at most about so many.
-const STARTS: usize = 24;
+const STARTS: usize = 32;
 
 /// Directions farther than this from the middle of their block (in tangents) are walked from the root.
 const WIDEST: f32 = 1.0;
@@ -36,7 +36,13 @@ impl<L: Lanes> Shaft<L> {
     /// With w the middle direction and slopes (d.u / d.w, d.v / d.w) in [low, high], a ray from o stays within
     /// (x - o).(u - high w) <= 0 <= (x - o).(u - low w), the same in v, and (x - o).w >= 0.
     #[inline(always)]
-    pub(super) fn new(bundle: &Bundle, normal: [f32; 3], directions: &[[f32; 3]], active: u64, bounds: ([f32; 3], [f32; 3])) -> Option<Self> {
+    pub(super) fn new(
+        bundle: &Bundle,
+        normal: [f32; 3],
+        directions: &[[f32; 3]],
+        active: u64,
+        bounds: ([f32; 3], [f32; 3]),
+    ) -> Option<Self> {
         let mut middle = [0.0f32; 3];
         for direction in directions {
             for axis in 0..3 {
@@ -87,7 +93,12 @@ impl<L: Lanes> Shaft<L> {
     /// The limits: no ray starts beyond them, and rays lead inwards.
     #[inline(always)]
     fn around(bundle: &Bundle, normals: &[[f32; 3]; PLANES], active: u64) -> Self {
-        let mut shaft = Shaft { normal: [[L::splat(0.0); 3]; PLANES], limit: [0.0; PLANES], sign: [1.0; 3], behind: [f32::NEG_INFINITY; 3] };
+        let mut shaft = Shaft {
+            normal: [[L::splat(0.0); 3]; PLANES],
+            limit: [0.0; PLANES],
+            sign: [1.0; 3],
+            behind: [f32::NEG_INFINITY; 3],
+        };
         let mut nearest = [L::splat(f32::INFINITY); 8];
         for k in 0..PLANES {
             shaft.normal[k] = splat(&normals[k]);

@@ -222,8 +222,7 @@ impl Collapse<'_> {
             if node.is_leaf() {
                 counts[number as usize] = node.prim_count;
             } else if below_done {
-                counts[number as usize] =
-                    counts[node.first_index as usize] + counts[node.first_index as usize + 1];
+                counts[number as usize] = counts[node.first_index as usize] + counts[node.first_index as usize + 1];
             } else {
                 stack.extend([(number, true), (node.first_index, false), (node.first_index + 1, false)]);
             }
