@@ -205,9 +205,9 @@ impl Norms {
     #[inline(always)]
     fn lose_rounding(&mut self, residual: &Lanes) {
         self.columns += 1;
-        for lane in 0..GROUP {
-            self.dropped[lane] += f64::from(residual[lane]) * f64::from(residual[lane]);
-            self.bits[lane] |= residual[lane].to_bits() & 0x7fff_ffff;
+        for (lane, &lost) in residual.iter().enumerate() {
+            self.dropped[lane] += f64::from(lost) * f64::from(lost);
+            self.bits[lane] |= lost.to_bits() & 0x7fff_ffff;
         }
     }
 
