@@ -1,7 +1,7 @@
 //! The two inner loops of truncation: screening columns by energy, and rounding 16 lanes to integers.
 //!
-//! Each is written twice, in plain Rust and for AVX2. Sums run in the same order and without fused multiplication, so that
-//! the bits agree.
+//! Each is written twice, in plain Rust and for AVX2. Sums run in the same order and without fused multiplication, so
+//! that the bits agree.
 
 use crate::error::{Error, Result};
 

@@ -206,7 +206,8 @@ proptest! {
     }
 }
 
-/// A row with one value v in a fine column (area 4 of haar:4 has weight 2 for 2x2 blocks): dropped from threshold 2|v| on.
+/// A row with one value v in a fine column (area 4 of haar:4 has weight 2 for 2x2 blocks): dropped from threshold 2|v|
+/// on.
 #[test]
 fn the_threshold_weighs_by_the_root_of_the_area() {
     let space = ColumnSpace::haar(4).unwrap();
@@ -240,7 +241,8 @@ fn coefficients_that_cannot_be_stored_are_refused() {
     }
 }
 
-// ---------------------------------------------------------------------------------------------------------------- files
+// ----------------------------------------------------------------------------------------------------------------
+// files
 
 /// A directory of its own, removed at the end.
 struct Scratch(PathBuf);
