@@ -38,7 +38,7 @@ def _toward(azimuth: float, elevation: float) -> NDArray[np.float64]:
 def _block_mean(image: Floats, times: int) -> Floats:
     height, width, channels = image.shape
     blocks = image.reshape(height // times, times, width // times, times, channels)
-    return blocks.mean(axis=(1, 3), dtype=np.float32)
+    return np.asarray(blocks.mean(axis=(1, 3), dtype=np.float32))
 
 
 # --- sky -------------------------------------------------------------------------------------------------------------
@@ -61,7 +61,7 @@ def sky() -> Floats:
     irradiance = np.einsum("ijc,ij->c", above, np.maximum(y, 0) * area)
     ground = irradiance / np.pi * np.array([0.22, 0.20, 0.17])
     share = np.clip(0.5 + y / 0.02, 0, 1)[..., None]
-    return (_EXPOSURE * (share * above + (1 - share) * ground)).astype(np.float32)
+    return np.asarray(_EXPOSURE * (share * above + (1 - share) * ground), np.float32)
 
 
 def _preetham(cosine: Floats, to_sun: Floats, sun_zenith: float) -> Floats:
@@ -94,12 +94,14 @@ def _preetham(cosine: Floats, to_sun: Floats, sun_zenith: float) -> Floats:
 
     def perez(k: int, cosine: Floats | float, gamma: Floats | float) -> Floats:
         a, b, c, d, e = (slope * t + offset for slope, offset in zip(slopes[k], offsets[k], strict=True))
-        return (1 + a * np.exp(b / cosine)) * (1 + c * np.exp(d * gamma) + e * np.cos(gamma) ** 2)
+        return np.asarray(
+            (1 + a * np.exp(b / cosine)) * (1 + c * np.exp(d * gamma) + e * np.cos(gamma) ** 2), np.float32
+        )
 
     lum, cx, cy = (zenith[k] * perez(k, cosine, to_sun) / perez(k, 1.0, s) for k in range(3))
     xyz = np.stack([lum * cx / cy, lum, lum * (1 - cx - cy) / cy], axis=-1)
     to_rgb = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]])
-    return np.maximum(xyz @ to_rgb.T, 0).astype(np.float32)
+    return np.asarray(np.maximum(xyz @ to_rgb.T, 0), np.float32)
 
 
 def _sun_coverage(sun: NDArray[np.float64]) -> Floats:
@@ -224,12 +226,13 @@ def _window_wall(along: Floats, height: Floats, which: Floats) -> Floats:
     bright = 34 * sky[:, None] * np.array([0.82, 0.95, 1.15])
     outside = bright * (1 - trees[:, None]) + trees[:, None] * np.array([1.1, 1.7, 0.5]) * (0.4 + sky[:, None])
     # Some panes are stained glass.
-    pane = np.floor(along / _BAY).astype(int) * 64 + np.floor(bay * 3).astype(int) * 8 + np.floor(height * 1.5).astype(int)
+    window, column, row = (np.floor(place).astype(int) for place in (along / _BAY, bay * 3, height * 1.5))
+    pane = 64 * window + 8 * column + row
     tint = np.random.default_rng(3).uniform(0.15, 1.0, (257, 3))[pane % 257]
     outside = np.where((pane * 7919 % 11 < 3)[:, None], outside * tint, outside)
-    window = np.where(bars[:, None], 0.04, outside)
+    glass = np.where(bars[:, None], 0.04, outside)
     frame = ((arch < 0.95) & (height > -0.2))[:, None]
-    return np.where(opening[:, None], window, np.where(frame, wall * 1.6, wall)).astype(np.float32)
+    return np.where(opening[:, None], glass, np.where(frame, wall * 1.6, wall)).astype(np.float32)
 
 
 def _end_wall(across: Floats, height: Floats, which: Floats) -> Floats:
@@ -250,7 +253,7 @@ def _beamed_ceiling(across: Floats, along: Floats) -> Floats:
     grain = 1 + 0.4 * _noise(across * 4, along * 0.5, 4, 5)
     boards = (0.05 * grain)[:, None] * np.array([1.0, 0.7, 0.45])
     beam = (np.abs(along % _BAY - _BAY / 2) > 1.3) | (np.abs(across % 2.0 - 1.0) > 0.88)
-    return np.where(beam[:, None], 0.3 * boards, boards).astype(np.float32)
+    return np.asarray(np.where(beam[:, None], 0.3 * boards, boards), np.float32)
 
 
 def _tiled_floor(across: Floats, along: Floats) -> Floats:
@@ -260,7 +263,7 @@ def _tiled_floor(across: Floats, along: Floats) -> Floats:
     slant = (along + 0.35 * across) % _BAY - _BAY / 2
     pool = (np.abs(slant) < 0.7) & (across > -1.0) & (across < 3.5) & (np.abs(slant * 3 % 1 - 0.5) < 0.44)
     light = np.where(pool, 5.5, 0.40 + 0.05 * across)
-    return (tile * light)[:, None].astype(np.float32) * np.array([1.0, 0.93, 0.82], np.float32)
+    return np.asarray((tile * light)[:, None] * np.array([1.0, 0.93, 0.82]), np.float32)
 
 
 def _with_lamps(image: Floats) -> Floats:
