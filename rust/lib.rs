@@ -3,6 +3,7 @@
 
 pub mod basis;
 pub mod error;
+pub mod precompute;
 pub mod scene;
 pub mod light;
 pub mod transport;

@@ -1,9 +1,10 @@
 //! The boundary to Python: convert, check, detach, compute, convert back; nothing else. One file per floor.
 
 mod interrupt;
-mod update;
-mod transport;
 mod light;
+mod scene;
+mod transport;
+mod update;
 
 use pyo3::exceptions::{PyOSError, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
@@ -40,5 +41,6 @@ fn core_module(module: &Bound<'_, PyModule>) -> PyResult<()> {
     update::register(module)?;
     transport::register(module)?;
     light::register(module)?;
+    scene::register(module)?;
     Ok(())
 }

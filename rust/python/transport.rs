@@ -85,7 +85,7 @@ impl Transport {
     }
 }
 
-fn parse_width(text: &str) -> Result<Width> {
+pub(super) fn parse_width(text: &str) -> Result<Width> {
     match text {
         "i8" => Ok(Width::I8),
         "i16" => Ok(Width::I16),
