@@ -24,7 +24,11 @@ pub const GROUP_BITS: u32 = 10;
 pub enum Slab<T: 'static> {
     Owned(Arc<[T]>),
     /// INVARIANT: `len` items from byte `start` on lie inside the map and are aligned for T.
-    Mapped { map: Arc<memmap2::Mmap>, start: usize, len: usize },
+    Mapped {
+        map: Arc<memmap2::Mmap>,
+        start: usize,
+        len: usize,
+    },
 }
 
 impl<T: bytemuck::Pod> Deref for Slab<T> {

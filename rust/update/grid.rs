@@ -8,6 +8,8 @@
 //! An update passes through mixtures of the coefficients applied and the new ones; their norm, and that of the change,
 //! is at most the sum of both norms. That sum is what `holds` is asked about.
 
+use rayon::prelude::*;
+
 use crate::error::{Error, Result};
 use crate::transport::TransportMatrix;
 
@@ -75,23 +77,42 @@ impl RowNorm {
     pub fn of(matrix: &TransportMatrix) -> RowNorm {
         let bands = matrix.bands.count();
         let square = |row: &[u16]| row.iter().map(|&norm| norm_value(norm).powi(2)).sum::<f64>();
-        let largest =
-            matrix.tiles.iter().flat_map(|tile| tile.kept.chunks_exact(bands)).map(square).fold(0.0, f64::max);
+        let largest = matrix
+            .tiles
+            .par_iter()
+            .map(|tile| tile.kept.chunks_exact(bands).map(square).fold(0.0, f64::max))
+            .reduce(|| 0.0, f64::max);
         // A row that is not empty is no smaller than one unit.
         let norm = above(largest.sqrt()).max(power_of_two(matrix.quantum));
         RowNorm { exponent: exponent_above(norm), quantum: matrix.quantum }
     }
 }
 
-/// The largest norm of a colour: sqrt(sum of squares), a little above the true value, never below.
+/// The largest norm of a colour, never below the true value; not finite where a coefficient is not.
 pub fn light_norm(coefficients: &[[f64; 3]]) -> f64 {
     let mut squares = [0.0; 3];
     for colours in coefficients {
-        for (square, x) in squares.iter_mut().zip(colours) {
-            *square += x * x;
-        }
+        squares.iter_mut().zip(colours).for_each(|(square, x)| *square += x * x);
     }
-    above(squares.into_iter().fold(0.0, |largest: f64, square| if square > largest || square.is_nan() { square } else { largest }).sqrt())
+    // `max` would pass over a NaN.
+    if squares.iter().all(|square| square.is_finite()) {
+        above(squares.into_iter().fold(0.0, f64::max).sqrt())
+    } else {
+        f64::INFINITY
+    }
+}
+    }
+}
+
+/// The largest norm of a colour, never below the true value; not finite where a coefficient is not.
+pub fn light_norm(coefficients: &[[f64; 3]]) -> f64 {
+    let mut squares = [0.0; 3];
+    for colours in coefficients {
+        squares.iter_mut().zip(colours).for_each(|(square, x)| *square += x * x);
+    }
+    // `max` would pass over a NaN.
+    let largest = squares.into_iter().fold(0.0, |largest, square| if square <= largest { largest } else { square });
+    above(largest.sqrt())
 }
 
 /// Moves the result of a sum of up to 2^20 squares, and of a few steps more, above its true value.

@@ -16,9 +16,8 @@ const TOGETHER: usize = 4;
 
 /// B = M V for each of `lights` (columns x 3 each), written one after the other into `out` (lights x rows x 3).
 ///
-/// Coefficients are rounded to the finest grid that is exact for each light (`Grid::for_light`); B is rounded once.
-pub fn multiply(matrix: &TransportMatrix, lights: &[&[[f64; 3]]], out: &mut [f32]) -> Result<()> {
-    let rows = RowNorm::of(matrix);
+/// `rows` is `RowNorm::of(matrix)`. Coefficients are rounded to the finest grid that is exact for each light (`Grid::for_light`); B is rounded once.
+pub fn multiply(matrix: &TransportMatrix, rows: RowNorm, lights: &[&[[f64; 3]]], out: &mut [f32]) -> Result<()> {
     let gridded = lights
         .iter()
         .map(|light| Ok(Grid::for_light(light_norm(light), rows, 1)?.quantise_all(light)))
@@ -66,7 +65,8 @@ pub fn multiply_gridded(
 /// The columns that some light needs.
 fn moves(matrix: &TransportMatrix, light: &[[f64; 3]]) -> Vec<Move> {
     let unit = power_of_two(matrix.quantum);
-    let moved = |(column, &change): (usize, &[f64; 3])| Move { column: column as u32, change: change.map(|x| x * unit) };
+    let moved =
+        |(column, &change): (usize, &[f64; 3])| Move { column: column as u32, change: change.map(|x| x * unit) };
     light.iter().enumerate().filter(|(_, change)| **change != [0.0; 3]).map(moved).collect()
 }
 

@@ -1,2 +1,2 @@
 //! The Rust suite: one module for each room of the house.
-
+mod response;

@@ -2,7 +2,7 @@
 
 use std::arch::x86_64::*;
 
-use super::{Columns, Integer, Marks, Move, POWERS, Sums, Target, WORD, portable};
+use super::{Columns, Integer, Marks, Move, POWERS, Spread, Sums, Target, WORD, portable};
 use crate::transport::tile::{GROUP, GROUP_BITS};
 
 /// A group's sums in registers: `[colour][quarter]`.
@@ -24,14 +24,16 @@ pub(super) unsafe fn walk<T: Integer, const WORDS: usize>(
         fetch(columns.words.as_ptr().wrapping_add(entry));
         fetch(columns.lanes.as_ptr().wrapping_add(entry));
     });
+    // One length for both, so that one check serves both.
+    let words = columns.words;
+    let lanes = &columns.lanes[..words.len()];
     for (group, sums) in target.sums.iter_mut().enumerate() {
         let marked = std::mem::replace(&mut marks.groups[group], [0; WORDS]);
-        if marked != [0; WORDS] || target.afresh {
-            let mut registers = if target.afresh { zero() } else { load(sums) };
-            for (word, &bits) in marked.iter().enumerate() {
-                add(&mut registers, columns, &moves[(word * WORD).min(moves.len())..], &mut marks.cursors[word], bits);
-            }
-            store(sums, &registers);
+        if target.afresh {
+            *sums = Sums::ZERO;
+        }
+        for (word, &bits) in marked.iter().enumerate().filter(|(_, bits)| **bits != 0) {
+            add(sums, words, lanes, &marks.changes[word], &mut marks.cursors[word], bits);
         }
         if let Some(out) = &mut target.out {
             let first = group * 3 * GROUP;
@@ -48,12 +50,6 @@ pub(super) unsafe fn walk<T: Integer, const WORDS: usize>(
 fn fetch<T>(place: *const T) {
     // SAFETY: a prefetch never faults, and SSE is part of x86-64.
     unsafe { _mm_prefetch::<_MM_HINT_T0>(place.cast()) }
-}
-
-#[inline]
-#[target_feature(enable = "avx2,fma,bmi1")]
-fn zero() -> Registers {
-    [[_mm256_setzero_pd(); 4]; 3]
 }
 
 #[inline]
@@ -76,24 +72,29 @@ fn store(sums: &mut Sums, registers: &Registers) {
 }
 
 /// Adds the moves in `bits` that touch the group the cursors stand at.
-#[inline]
+///
+/// PERF: kept out of line, where its sixteen registers are its own; inlined, five of them were spilled.
+#[inline(never)]
 #[target_feature(enable = "avx2,fma,bmi1")]
 fn add<T: Integer>(
-    registers: &mut Registers,
-    columns: &Columns<'_, T>,
-    moves: &[Move],
+    sums: &mut Sums,
+    words: &[u16],
+    lanes: &[[T; GROUP]],
+    changes: &[Spread; WORD],
     cursors: &mut [u32; WORD],
     mut bits: u64,
 ) {
-    let [mut red, mut green, mut blue] = *registers;
+    let [mut red, mut green, mut blue] = load(sums);
     while bits != 0 {
         let bit = bits.trailing_zeros() as usize;
         bits &= bits - 1;
         let entry = cursors[bit] as usize;
         cursors[bit] += 1;
-        let power = _mm256_set1_pd(POWERS[(columns.words[entry] >> GROUP_BITS) as usize]);
-        let [r, g, b] = moves[bit].change.map(|change| _mm256_mul_pd(_mm256_set1_pd(change), power));
-        let lanes = &columns.lanes[entry];
+        let power = _mm256_set1_pd(POWERS[(words[entry] >> GROUP_BITS) as usize]);
+        // SAFETY: a change is spread over four lanes.
+        let [r, g, b] =
+            [0, 1, 2].map(|k: usize| unsafe { _mm256_mul_pd(_mm256_loadu_pd(changes[bit][k].as_ptr()), power) });
+        let lanes = &lanes[entry];
         fetch((lanes as *const [T; GROUP]).wrapping_add(AHEAD));
         for k in 0..4 {
             // SAFETY: the features are those of this function.
@@ -103,7 +104,7 @@ fn add<T: Integer>(
             blue[k] = _mm256_fmadd_pd(values, b, blue[k]);
         }
     }
-    *registers = [red, green, blue];
+    store(sums, &[red, green, blue]);
 }
 
 /// Rounds a group's sums, once, into 16 rows of red, green, blue.

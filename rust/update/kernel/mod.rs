@@ -47,11 +47,20 @@ pub struct Target<'a> {
 pub struct Marks<const WORDS: usize> {
     groups: Vec<[u64; WORDS]>,
     cursors: [[u32; WORD]; WORDS],
+    /// The changes, four times each: a broadcast in memory is cheaper than one in registers.
+    changes: Box<[[Spread; WORD]; WORDS]>,
 }
+
+/// A change in red, green and blue, each in four lanes.
+type Spread = [[f64; 4]; 3];
 
 impl<const WORDS: usize> Default for Marks<WORDS> {
     fn default() -> Self {
-        Marks { groups: vec![[0; WORDS]; MAX_TILE_ROWS / GROUP], cursors: [[0; WORD]; WORDS] }
+        Marks {
+            groups: vec![[0; WORDS]; MAX_TILE_ROWS / GROUP],
+            cursors: [[0; WORD]; WORDS],
+            changes: Box::new([[[[0.0; 4]; 3]; WORD]; WORDS]),
+        }
     }
 }
 
@@ -70,6 +79,7 @@ impl<const WORDS: usize> Marks<WORDS> {
             }
             let (word, bit) = (k / WORD, k % WORD);
             self.cursors[word][bit] = start;
+            self.changes[word][bit] = moved.change.map(|x| [x; 4]);
             for entry in &words[start as usize..end as usize] {
                 self.groups[(entry & GROUP_MASK) as usize][word] |= 1 << bit;
             }
@@ -116,17 +126,15 @@ impl Engine {
     }
 
     /// Adds moves, at most a batch, to a tile's sums.
-    pub fn walk<const WORDS: usize>(
-        self,
-        tile: &Tile,
-        moves: &[Move],
-        marks: &mut Marks<WORDS>,
-        target: Target<'_>,
-    ) {
+    pub fn walk<const WORDS: usize>(self, tile: &Tile, moves: &[Move], marks: &mut Marks<WORDS>, target: Target<'_>) {
         debug_assert!(moves.len() <= Marks::<WORDS>::BATCH && target.sums.len() == tile.groups());
         match &tile.values {
-            Values::I8(values) => self.walk_columns::<i8, WORDS>(tile, bytemuck::cast_slice(values), moves, marks, target),
-            Values::I16(values) => self.walk_columns::<i16, WORDS>(tile, bytemuck::cast_slice(values), moves, marks, target),
+            Values::I8(values) => {
+                self.walk_columns::<i8, WORDS>(tile, bytemuck::cast_slice(values), moves, marks, target)
+            }
+            Values::I16(values) => {
+                self.walk_columns::<i16, WORDS>(tile, bytemuck::cast_slice(values), moves, marks, target)
+            }
         }
     }
 
