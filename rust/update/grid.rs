@@ -101,7 +101,6 @@ pub fn light_norm(coefficients: &[[f64; 3]]) -> f64 {
         f64::INFINITY
     }
 }
-    }
 }
 
 /// The largest norm of a colour, never below the true value; not finite where a coefficient is not.
