@@ -101,18 +101,6 @@ pub fn light_norm(coefficients: &[[f64; 3]]) -> f64 {
         f64::INFINITY
     }
 }
-}
-
-/// The largest norm of a colour, never below the true value; not finite where a coefficient is not.
-pub fn light_norm(coefficients: &[[f64; 3]]) -> f64 {
-    let mut squares = [0.0; 3];
-    for colours in coefficients {
-        squares.iter_mut().zip(colours).for_each(|(square, x)| *square += x * x);
-    }
-    // `max` would pass over a NaN.
-    let largest = squares.into_iter().fold(0.0, |largest, square| if square <= largest { largest } else { square });
-    above(largest.sqrt())
-}
 
 /// Moves the result of a sum of up to 2^20 squares, and of a few steps more, above its true value.
 pub(super) fn above(x: f64) -> f64 {
