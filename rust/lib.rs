@@ -4,6 +4,7 @@
 pub mod basis;
 pub mod error;
 pub mod precompute;
+pub mod relight;
 pub mod scene;
 pub mod light;
 pub mod transport;

@@ -2,6 +2,7 @@
 
 mod interrupt;
 mod light;
+mod relight;
 mod scene;
 mod transport;
 mod update;
@@ -41,6 +42,7 @@ fn core_module(module: &Bound<'_, PyModule>) -> PyResult<()> {
     update::register(module)?;
     transport::register(module)?;
     light::register(module)?;
+    relight::register(module)?;
     scene::register(module)?;
     Ok(())
 }

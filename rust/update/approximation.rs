@@ -213,6 +213,11 @@ impl Approximation {
         self.settings.check(&self.bands).inspect_err(|_| self.settings.budget = before)
     }
 
+    /// Refuses light that is not finite, or of the wrong length.
+    pub fn check(&self, light: &[[f64; 3]]) -> Result<()> {
+        check_coefficients(light, self.bands.columns())
+    }
+
     /// Whether there is nothing left to send.
     pub fn is_converged(&self, target: &[[f64; 3]]) -> bool {
         self.values == target

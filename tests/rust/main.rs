@@ -4,3 +4,4 @@ mod update;
 mod transport;
 mod basis;
 mod light;
+mod response;
