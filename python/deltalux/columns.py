@@ -77,7 +77,7 @@ class Haar:
             The integral over the sphere of radiance times the orthonormal wavelet; its square sums to the integral of
             the squared radiance.
         """
-        return _core.haar_coefficients(self.size, env.cubemap(self.size))
+        return _core.environment_coefficients(env._parts, self.size)
 
 
 def parse(text: str) -> Haar:
