@@ -7,7 +7,30 @@ from typing import Any, ClassVar, Final, final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__: list[str]
+__all__ = [
+    "Approximation",
+    "Cancelled",
+    "DEBUG_BUILD",
+    "DirectPass",
+    "EnvironmentMap",
+    "FileError",
+    "Receivers",
+    "Scene",
+    "TileData",
+    "Transport",
+    "TransportWriter",
+    "Updater",
+    "__version__",
+    "column_bands",
+    "environment_coefficients",
+    "environment_cubemap",
+    "environment_radiance",
+    "haar_coefficients",
+    "haar_inverse",
+    "set_threads",
+    "threads",
+]
+
 __version__: Final[str]
 DEBUG_BUILD: Final[bool]
 

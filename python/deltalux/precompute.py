@@ -41,7 +41,7 @@ def _columns(columns: Haar | str) -> Haar:
 
 
 def plan(
-    scene: Scene, *, columns: Haar | str = Haar(64), quality: str = "publication", tolerance: float | None = None
+    scene: Scene, *, columns: Haar | str = "haar:64", quality: str = "publication", tolerance: float | None = None
 ) -> Plan:
     """What `precompute` would compute and leave out, and about what it would cost; shoots no ray."""
     return make_plan(scene, _columns(columns), quality, _settings(quality, tolerance))
@@ -52,7 +52,7 @@ def precompute(
     path: str | os.PathLike[str],
     *,
     receivers: str = "pixels",
-    columns: Haar | str = Haar(64),
+    columns: Haar | str = "haar:64",
     quality: str = "publication",
     tolerance: float | None = None,
     progress: bool | Progress = True,
