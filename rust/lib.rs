@@ -3,6 +3,10 @@
 
 pub mod basis;
 pub mod error;
+pub mod precompute;
+pub mod relight;
+pub mod scene;
+pub mod light;
 pub mod transport;
 pub mod update;
 

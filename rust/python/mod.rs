@@ -1,6 +1,11 @@
 //! The boundary to Python: convert, check, detach, compute, convert back; nothing else. One file per floor.
 
 mod interrupt;
+mod light;
+mod relight;
+mod scene;
+mod transport;
+mod update;
 
 use pyo3::exceptions::{PyOSError, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
@@ -34,5 +39,10 @@ fn core_module(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("DEBUG_BUILD", cfg!(debug_assertions))?;
     interrupt::register(module)?;
+    update::register(module)?;
+    transport::register(module)?;
+    light::register(module)?;
+    relight::register(module)?;
+    scene::register(module)?;
     Ok(())
 }

@@ -1,8 +1,19 @@
-//! The light transport matrix M: tiles one above the other.
+//! The light transport matrix M: tiles one above the other, and what can be asked of it.
+//!
+//! Multiplying by light, frame after frame, is `update/response.rs`; here is what is asked once: rows, norms, copies
+//! for other libraries, the transpose, a smaller version.
+
+use rayon::prelude::*;
 
 use crate::basis::{Bands, ColumnSpace};
+use crate::error::Result;
 
-use super::tile::Tile;
+use super::quantize::Lanes;
+use super::tile::{GROUP, Tile, group_of};
+use super::truncate::{Truncation, bf16};
+
+/// Columns that one thread takes at a time where the work goes by columns.
+const COLUMNS: usize = 256;
 
 /// M: `rows` receivers by `bands.columns()` columns, one channel.
 pub struct TransportMatrix {
@@ -14,4 +25,149 @@ pub struct TransportMatrix {
     /// Rows of every tile but the last; a multiple of `GROUP`.
     pub tile_rows: usize,
     pub tiles: Vec<Tile>,
+}
+
+/// M row by row, for other libraries: entries of row i are `indptr[i]..indptr[i + 1]`, columns ascending.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Csr {
+    pub indptr: Vec<i64>,
+    pub indices: Vec<i32>,
+    pub data: Vec<f32>,
+}
+
+impl TransportMatrix {
+    /// Bytes of M itself, norms included.
+    pub fn nbytes(&self) -> usize {
+        self.tiles.iter().map(Tile::nbytes).sum()
+    }
+
+    /// Stored groups of 16 rows.
+    pub fn entries(&self) -> usize {
+        self.tiles.iter().map(|tile| tile.words.len()).sum()
+    }
+
+    /// One transport vector, dense. Every stored value is a 32-bit float exactly.
+    pub fn row(&self, row: usize) -> Vec<f32> {
+        let tile = &self.tiles[row / self.tile_rows];
+        let (group, lane) = (row % self.tile_rows / GROUP, row % GROUP);
+        let mut dense = vec![0.0; self.bands.columns()];
+        for (column, range) in tile.starts.windows(2).enumerate() {
+            let (start, end) = (range[0] as usize, range[1] as usize);
+            // Groups ascend inside a column.
+            let entry = start + tile.words[start..end].partition_point(|&word| group_of(word) < group);
+            if entry < end && group_of(tile.words[entry]) == group {
+                dense[column] = tile.lanes(entry, self.quantum)[lane];
+            }
+        }
+        dense
+    }
+
+    /// A copy by rows, without the zeros that groups hold.
+    pub fn to_csr(&self) -> Csr {
+        let parts: Vec<Csr> = self.tiles.par_iter().map(|tile| tile.to_csr(self.quantum)).collect();
+        let entries = parts.iter().map(|part| part.data.len()).sum();
+        let mut all = Csr {
+            indptr: Vec::with_capacity(self.rows + 1),
+            indices: Vec::with_capacity(entries),
+            data: Vec::with_capacity(entries),
+        };
+        all.indptr.push(0);
+        for part in parts {
+            let before = all.data.len() as i64;
+            all.indptr.extend(part.indptr[1..].iter().map(|end| end + before));
+            all.indices.extend(part.indices);
+            all.data.extend(part.data);
+        }
+        all
+    }
+
+    /// M^T y for `y` of `rows` x `k`, as `columns` x `k`. Each sum runs down the rows: the same on any number of
+    /// threads.
+    pub fn transpose_multiply(&self, y: &[f64], k: usize) -> Vec<f64> {
+        assert_eq!(y.len(), self.rows * k);
+        let mut product = vec![0.0; self.bands.columns() * k];
+        self.by_columns(&mut product, k, |row, lanes, out| {
+            for (lane, &value) in lanes.iter().enumerate().take(self.rows - row) {
+                let of_row = &y[(row + lane) * k..(row + lane + 1) * k];
+                out.iter_mut().zip(of_row).for_each(|(sum, y)| *sum += f64::from(value) * y);
+            }
+        });
+        product
+    }
+
+    /// The L2 norm of each column.
+    pub fn column_norms(&self) -> Vec<f64> {
+        let mut norms = vec![0.0; self.bands.columns()];
+        self.by_columns(&mut norms, 1, |_, lanes, out| {
+            out[0] += lanes.iter().map(|&value| f64::from(value) * f64::from(value)).sum::<f64>();
+        });
+        norms.iter_mut().for_each(|norm: &mut f64| *norm = norm.sqrt());
+        norms
+    }
+
+    /// Groups stored for each column: what it costs to stream it.
+    pub fn column_entries(&self) -> Vec<u32> {
+        let mut entries = vec![0; self.bands.columns()];
+        for tile in &self.tiles {
+            for (count, range) in entries.iter_mut().zip(tile.starts.windows(2)) {
+                *count += range[1] - range[0];
+            }
+        }
+        entries
+    }
+
+    /// The largest norm of a row, rounded up.
+    pub fn row_norm_max(&self) -> f64 {
+        let norm = |bands: &[u16]| bands.iter().map(|&bits| f64::from(bf16(bits)).powi(2)).sum::<f64>().sqrt();
+        let rows = self.tiles.iter().flat_map(|tile| tile.kept.chunks_exact(self.bands.count()));
+        rows.map(norm).fold(0.0, f64::max)
+    }
+
+    /// M under a coarser rule, tile by tile. What its rows are stated to lose includes what they had lost before.
+    pub fn truncated(&self, rule: &Truncation) -> Result<TransportMatrix> {
+        let tiles = self.tiles.par_iter().map(|tile| tile.retruncate(&self.bands, self.quantum, rule));
+        Ok(TransportMatrix {
+            space: self.space,
+            bands: self.bands.clone(),
+            rows: self.rows,
+            quantum: rule.quantum,
+            tile_rows: self.tile_rows,
+            tiles: tiles.collect::<Result<_>>()?,
+        })
+    }
+
+    /// Calls `add(first row, 16 values, the column's k results)` for all entries, down each column; columns in
+    /// parallel.
+    fn by_columns(&self, results: &mut [f64], k: usize, add: impl Fn(usize, &Lanes, &mut [f64]) + Sync) {
+        results.par_chunks_mut((COLUMNS * k).max(1)).enumerate().for_each(|(chunk, results)| {
+            for (number, tile) in self.tiles.iter().enumerate() {
+                for (column, out) in (chunk * COLUMNS..).zip(results.chunks_mut(k)) {
+                    for entry in tile.starts[column] as usize..tile.starts[column + 1] as usize {
+                        let row = number * self.tile_rows + group_of(tile.words[entry]) * GROUP;
+                        add(row, &tile.lanes(entry, self.quantum), out);
+                    }
+                }
+            }
+        });
+    }
+}
+
+impl Tile {
+    fn to_csr(&self, quantum: i32) -> Csr {
+        let (starts, entries) = self.by_group();
+        let mut csr = Csr { indptr: vec![0], indices: Vec::new(), data: Vec::new() };
+        for group in starts.windows(2).map(|range| &entries[range[0] as usize..range[1] as usize]) {
+            let lanes: Vec<Lanes> = group.iter().map(|&(_, entry)| self.lanes(entry as usize, quantum)).collect();
+            for lane in 0..GROUP.min(self.rows + 1 - csr.indptr.len()) {
+                for (&(column, _), values) in group.iter().zip(&lanes) {
+                    if values[lane] != 0.0 {
+                        csr.indices.push(column as i32);
+                        csr.data.push(values[lane]);
+                    }
+                }
+                csr.indptr.push(csr.data.len() as i64);
+            }
+        }
+        csr
+    }
 }

@@ -12,6 +12,10 @@
 use std::ops::Deref;
 use std::sync::Arc;
 
+use crate::error::Result;
+
+use super::quantize::{Lanes, power_of_two};
+
 /// Rows in a group: the unit of truncation and of the kernels.
 pub const GROUP: usize = 16;
 /// The most rows of a tile (10 bits of group number).
@@ -76,6 +80,16 @@ pub struct Tile {
 impl Tile {
     pub fn groups(&self) -> usize {
         self.rows.div_ceil(GROUP)
+    }
+
+    /// Bytes in memory, which are those on disk.
+    pub fn nbytes(&self) -> usize {
+        let values = match &self.values {
+            Values::I8(values) => values.len(),
+            Values::I16(values) => 2 * values.len(),
+        };
+        let halves: usize = [&self.words, &self.kept, &self.dropped].map(|slab: &Slab<u16>| slab.len()).iter().sum();
+        4 * self.starts.len() + 2 * halves + values
     }
 }
 
@@ -162,4 +176,71 @@ impl Tile {
             dropped: norms(|group| &group.dropped),
         }
     }
+}
+
+impl Tile {
+    /// Entries of each group in column order: `(starts, (column, entry))`, the transpose of the tile's own order.
+    pub fn by_group(&self) -> (Vec<u32>, Vec<(u32, u32)>) {
+        let mut starts = vec![0u32; self.groups() + 1];
+        for &word in self.words.iter() {
+            starts[group_of(word) + 1] += 1;
+        }
+        for group in 0..self.groups() {
+            starts[group + 1] += starts[group];
+        }
+        let mut next = starts.clone();
+        let mut entries = vec![(0, 0); self.words.len()];
+        for (column, range) in self.starts.windows(2).enumerate() {
+            for entry in range[0]..range[1] {
+                let slot = &mut next[group_of(self.words[entry as usize])];
+                entries[*slot as usize] = (column as u32, entry);
+                *slot += 1;
+            }
+        }
+        (starts, entries)
+    }
+
+    /// The 16 stored values of an entry.
+    pub fn lanes(&self, entry: usize, quantum: i32) -> Lanes {
+        let step = power_of_two(quantum + shift_of(self.words[entry]));
+        let range = entry * GROUP..(entry + 1) * GROUP;
+        let mut lanes = [0.0; GROUP];
+        match &self.values {
+            Values::I8(values) => lanes.iter_mut().zip(&values[range]).for_each(|(x, &q)| *x = f32::from(q) * step),
+            Values::I16(values) => lanes.iter_mut().zip(&values[range]).for_each(|(x, &q)| *x = f32::from(q) * step),
+        }
+        lanes
+    }
+
+    /// Calls `visit(group, columns x 16 rows)` with each group made dense, in order.
+    pub fn for_each_group(
+        &self,
+        columns: usize,
+        quantum: i32,
+        mut visit: impl FnMut(usize, &[Lanes]) -> Result<()>,
+    ) -> Result<()> {
+        let (starts, entries) = self.by_group();
+        let mut dense = vec![[0.0; GROUP]; columns];
+        for (group, range) in starts.windows(2).enumerate() {
+            let here = &entries[range[0] as usize..range[1] as usize];
+            for &(column, entry) in here {
+                dense[column as usize] = self.lanes(entry as usize, quantum);
+            }
+            visit(group, &dense)?;
+            for &(column, _) in here {
+                dense[column as usize] = [0.0; GROUP];
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The group's number in an entry's word.
+pub fn group_of(word: u16) -> usize {
+    usize::from(word & ((1 << GROUP_BITS) - 1))
+}
+
+/// The binary shift in an entry's word.
+pub fn shift_of(word: u16) -> i32 {
+    i32::from(word >> GROUP_BITS)
 }

@@ -1,0 +1,130 @@
+//! Bright pixels, taken out of a map as small squares of known flux, and spread over the texels that they cover.
+
+use super::cubemap::{direction_to_face_uv, face_point, rectangle_solid_angle};
+use super::environment::Layout;
+use super::lookup::{lat_long_area, lat_long_direction};
+
+/// Bright pixels are those above this multiple of the map's mean magnitude...
+const BRIGHT: f64 = 4.0;
+/// ...and among the brightest of the map: no more squares than this are spread in a frame.
+const MAX_SQUARES: usize = 2048;
+/// A pixel wider than this many target texels is an area that the base resolves by itself.
+const MAX_WIDTH: f64 = 2.0;
+
+/// A small bright square of the sky.
+pub struct Square {
+    /// Of any length.
+    direction: [f64; 3],
+    /// The root of its solid angle.
+    width: f64,
+    /// Its radiance times its solid angle.
+    flux: [f64; 3],
+}
+
+/// Splits a map, for targets of `size`, into what lies below a cap, pixel by pixel, and the squares above it.
+pub fn split(layout: Layout, pixels: &[[f32; 3]], size: usize) -> (Vec<[f32; 3]>, Vec<Square>) {
+    let width = layout.pitch() * size as f64 / 2.0;
+    if width > MAX_WIDTH {
+        return (pixels.to_vec(), Vec::new());
+    }
+    // Squares of at most half a texel each keep an even area even when they turn against the texels.
+    let parts = (2.0 * width).ceil().max(1.0) as usize;
+    let cap = cap(layout, pixels, MAX_SQUARES / (parts * parts));
+
+    let mut base = pixels.to_vec();
+    let mut squares = Vec::new();
+    for (k, pixel) in base.iter_mut().enumerate() {
+        let magnitude = magnitude(pixel);
+        if magnitude > cap {
+            let excess = pixel.map(|value| value as f64 * (1.0 - cap / magnitude));
+            *pixel = pixel.map(|value| (value as f64 * (cap / magnitude)) as f32);
+            squares.extend((0..parts * parts).map(|part| Square::new(layout, k, parts, part, excess)));
+        }
+    }
+    (base, squares)
+}
+
+fn magnitude(pixel: &[f32; 3]) -> f64 {
+    pixel.iter().fold(0.0, |most, value| value.abs().max(most)) as f64
+}
+
+/// The least magnitude that is not bright, such that at most `count` pixels are above it.
+fn cap(layout: Layout, pixels: &[[f32; 3]], count: usize) -> f64 {
+    let mut magnitudes: Vec<f64> = pixels.iter().map(magnitude).collect();
+    let sum = |weigh: &dyn Fn(usize) -> f64| (0..pixels.len()).map(weigh).sum::<f64>();
+    let mean = match layout {
+        Layout::LatLong { width, height } => {
+            sum(&|k| magnitudes[k] * lat_long_area(width, height, k / width)) / (4.0 * std::f64::consts::PI)
+        }
+        Layout::Cubemap { .. } => sum(&|k| magnitudes[k]) / pixels.len() as f64,
+    };
+    if count >= magnitudes.len() {
+        return BRIGHT * mean;
+    }
+    let (_, largest_below, _) = magnitudes.select_nth_unstable_by(count, |a, b| b.total_cmp(a));
+    (BRIGHT * mean).max(*largest_below)
+}
+
+impl Square {
+    /// One of `parts` x `parts` parts of pixel `k`.
+    fn new(layout: Layout, k: usize, parts: usize, part: usize, radiance: [f64; 3]) -> Self {
+        let (direction, width, area) = match layout {
+            Layout::LatLong { width, height } => {
+                let (fine, tall) = (width * parts, height * parts);
+                let (row, column) = (k / width * parts + part / parts, k % width * parts + part % parts);
+                let area = lat_long_area(fine, tall, row);
+                (lat_long_direction(fine, tall, row as f64 + 0.5, column as f64 + 0.5), area.sqrt(), area)
+            }
+            Layout::Cubemap { size } => {
+                let fine = (size * parts) as f64;
+                let (face, row, column) = (k / (size * size), k / size % size, k % size);
+                let edge = |k: usize| (2.0 * k as f64 - fine) / fine;
+                let (row, column) = (row * parts + part / parts, column * parts + part % parts);
+                let (s, t) = ((edge(column) + edge(column + 1)) / 2.0, (edge(row) + edge(row + 1)) / 2.0);
+                // `spread` undoes this stretch by the same formula: unturned, a part covers exactly its own place.
+                let width = 2.0 / fine / stretch(s, t);
+                let area = rectangle_solid_angle([edge(column), edge(column + 1)], [edge(row), edge(row + 1)]);
+                (face_point(face, s, t), width, area)
+            }
+        };
+        Square { direction, width, flux: radiance.map(|value| value * area) }
+    }
+
+    /// Adds the rotated and scaled square to a cubemap, keeping its flux; a square across an edge is moved inside.
+    pub fn spread(
+        &self,
+        size: usize,
+        rotation: &[[f64; 3]; 3],
+        scale: f64,
+        inverse_areas: &[f64],
+        radiance: &mut [[f32; 3]],
+    ) {
+        let d = self.direction;
+        let (face, s, t) = direction_to_face_uv(rotation.map(|row| row[0] * d[0] + row[1] * d[1] + row[2] * d[2]));
+        let half = (self.width * stretch(s, t) * size as f64 / 4.0).min(size as f64 / 2.0);
+        let extent = |coordinate: f64| {
+            let centre = ((coordinate + 1.0) * 0.5 * size as f64).clamp(half, size as f64 - half);
+            [centre - half, centre + half]
+        };
+        let (x, y) = (extent(s), extent(t));
+        for row in y[0] as usize..(y[1].ceil() as usize).min(size) {
+            for column in x[0] as usize..(x[1].ceil() as usize).min(size) {
+                let texel = row * size + column;
+                let share = overlap(x, column) * overlap(y, row) * scale * inverse_areas[texel];
+                let target = &mut radiance[face * size * size + texel];
+                (0..3).for_each(|c| target[c] += (self.flux[c] * share) as f32);
+            }
+        }
+    }
+}
+
+/// How much longer a short line is on a face at (s, t) than on the sphere, in the mean of all directions.
+fn stretch(s: f64, t: f64) -> f64 {
+    let square = 1.0 + s * s + t * t;
+    (square * square.sqrt()).sqrt()
+}
+
+/// The share of the line [lo, hi] that lies in [k, k + 1].
+fn overlap([lo, hi]: [f64; 2], k: usize) -> f64 {
+    ((hi.min(k as f64 + 1.0) - lo.max(k as f64)) / (hi - lo)).max(0.0)
+}

@@ -1,0 +1,118 @@
+//! Environment maps, rotated and resampled to cubemaps every frame: L'(d) = L(R^-1 d).
+//!
+//! A map is kept whole. For each cubemap size that is asked for it is prepared once, in two parts that add up to it:
+//!
+//! - the *base*, radiance clipped at a cap, averaged exactly over the texels of a cubemap twice as fine (and once more
+//!   over those of the size itself). A target texel is the mean over its four quarters, weighted by solid angle, of the
+//!   base looked up bilinearly; where the source's texels are smaller on the sphere than the target's (up to 5 times:
+//!   corners that turn to a face's centre) the coarser level is blended in. Unrotated, quarters meet source texels and
+//!   the mean is the exact box average; nothing jumps when a rotation sets in.
+//! - the *bright* rest above the cap, a few thousand pixels at most, each spread as a small square over the texels it
+//!   covers with weights that sum to 1. Their flux, Σ L dω, is therefore kept under every rotation, and a sun that is
+//!   smaller than a texel neither flickers nor dims.
+//!
+//! All weights are positive, so nothing rings; negative pixels pass linearly.
+//! A lat-long image means its bilinear interpolation, a cubemap its piecewise-constant texels.
+
+use std::collections::HashMap;
+use std::f64::consts::PI;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use rayon::prelude::*;
+
+use crate::error::{Error, Result};
+
+use super::lookup::{lat_long, seamless};
+use super::resample::Prepared;
+
+/// How a map's pixels lie on the sphere.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Layout {
+    /// `height` rows from the +Y pole, u = atan2(x, -z) / 2π along them.
+    LatLong { width: usize, height: usize },
+    /// Six faces of `size` x `size` texels.
+    Cubemap { size: usize },
+}
+
+/// A map of distant radiance.
+pub struct EnvironmentMap {
+    layout: Layout,
+    pixels: Vec<[f32; 3]>,
+    /// What `resample` needs for each size, made on first use.
+    prepared: Mutex<HashMap<usize, Arc<Prepared>>>,
+}
+
+impl EnvironmentMap {
+    /// From `layout.pixels()` finite pixels in rows (and face after face).
+    pub fn new(layout: Layout, pixels: Vec<[f32; 3]>) -> Result<Self> {
+        if pixels.is_empty() || pixels.len() != layout.pixels() {
+            return Err(Error::input(format!(
+                "expected {} pixels, at least one, got {}",
+                layout.pixels(),
+                pixels.len()
+            )));
+        }
+        if let Some(bad) = pixels.iter().position(|pixel| pixel.iter().any(|value| !value.is_finite())) {
+            return Err(Error::input(format!("expected finite radiance, got {:?} in pixel {bad}", pixels[bad])));
+        }
+        Ok(EnvironmentMap { layout, pixels, prepared: Mutex::default() })
+    }
+
+    /// Adds to `radiance`, a cubemap of `size` x `size` texels a face, this map rotated by `rotation` times `scale`.
+    ///
+    /// `rotation` is an orthogonal matrix in rows, possibly with a mirror.
+    pub fn resample(&self, size: usize, rotation: &[[f64; 3]; 3], scale: f64, radiance: &mut [[f32; 3]]) {
+        self.prepare(size).add(rotation, scale, radiance);
+    }
+
+    /// Radiance from unit directions, bilinear between the map's own pixels.
+    pub fn sample(&self, directions: &[[f64; 3]], rotation: &[[f64; 3]; 3], scale: f64) -> Vec<[f32; 3]> {
+        let look = |&direction: &[f64; 3]| self.lookup(unrotate(rotation, direction)).map(|c| (c * scale) as f32);
+        directions.par_iter().map(look).collect()
+    }
+
+    /// Bytes held, prepared sizes included.
+    pub fn bytes(&self) -> usize {
+        let prepared = self.prepared.lock().unwrap_or_else(PoisonError::into_inner);
+        std::mem::size_of_val(&self.pixels[..]) + prepared.values().map(|ready| ready.bytes()).sum::<usize>()
+    }
+
+    /// Makes the map ready for a size, once. The lock is not held meanwhile: a rayon thread that waits inside would steal
+    /// work that may ask for the same lock. At worst two threads do the same work.
+    fn prepare(&self, size: usize) -> Arc<Prepared> {
+        let known = self.prepared.lock().unwrap_or_else(PoisonError::into_inner).get(&size).cloned();
+        known.unwrap_or_else(|| {
+            let fresh = Arc::new(Prepared::new(self.layout, &self.pixels, size));
+            self.prepared.lock().unwrap_or_else(PoisonError::into_inner).entry(size).or_insert(fresh).clone()
+        })
+    }
+
+    fn lookup(&self, direction: [f64; 3]) -> [f64; 3] {
+        match self.layout {
+            Layout::LatLong { width, height } => lat_long(&self.pixels, width, height, direction),
+            Layout::Cubemap { size } => seamless(&self.pixels, size, direction),
+        }
+    }
+}
+
+impl Layout {
+    pub fn pixels(self) -> usize {
+        match self {
+            Layout::LatLong { width, height } => width * height,
+            Layout::Cubemap { size } => 6 * size * size,
+        }
+    }
+
+    /// The width of a pixel, in radians, where it is widest.
+    pub(super) fn pitch(self) -> f64 {
+        match self {
+            Layout::LatLong { width, height } => (2.0 * PI / width as f64).max(PI / height as f64),
+            Layout::Cubemap { size } => 2.0 / size as f64,
+        }
+    }
+}
+
+/// R^-1 d for an orthogonal R.
+pub(super) fn unrotate(rotation: &[[f64; 3]; 3], d: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|k| rotation[0][k] * d[0] + rotation[1][k] * d[1] + rotation[2][k] * d[2])
+}

@@ -1,0 +1,152 @@
+//! Bilinear lookups in lat-long images and cubemaps, and their exact averages over coarser texels.
+
+use std::f64::consts::PI;
+
+use rayon::prelude::*;
+
+use super::cubemap::{direction_to_face_uv, face_point, rectangle_solid_angle, solid_angles, texel_centre};
+use super::environment::Layout;
+
+/// The weighted mean of `a` and `b`, at `f` of the way.
+fn mix(a: [f64; 3], b: [f64; 3], f: f64) -> [f64; 3] {
+    std::array::from_fn(|c| a[c] * (1.0 - f) + b[c] * f)
+}
+
+/// A lat-long image between the centres of its pixels; columns wrap, the first and last row reach to the poles.
+pub fn lat_long(pixels: &[[f32; 3]], width: usize, height: usize, direction: [f64; 3]) -> [f64; 3] {
+    let [x, y, z] = direction;
+    let length = (x * x + y * y + z * z).sqrt();
+    let u = (x.atan2(-z) / (2.0 * PI)).rem_euclid(1.0) * width as f64 - 0.5;
+    let v = (y / length).clamp(-1.0, 1.0).acos() / PI * height as f64 - 0.5;
+    let (left, top) = (u.floor(), v.floor());
+    let column = |k: usize| (left as isize + k as isize).rem_euclid(width as isize) as usize;
+    let row = |k: usize| (top as isize + k as isize).clamp(0, height as isize - 1) as usize;
+    let pixel = |r: usize, c: usize| pixels[row(r) * width + column(c)].map(f64::from);
+    let line = |r: usize| mix(pixel(r, 0), pixel(r, 1), u - left);
+    mix(line(0), line(1), v - top)
+}
+
+/// A cubemap between the centres of its texels, without seams at the edges of faces.
+pub fn seamless(texels: &[[f32; 3]], size: usize, direction: [f64; 3]) -> [f64; 3] {
+    let (face, s, t) = direction_to_face_uv(direction);
+    let (x, y) = (((s + 1.0) * size as f64 - 1.0) * 0.5, ((t + 1.0) * size as f64 - 1.0) * 0.5);
+    let (left, top) = (x.floor(), y.floor());
+    let texel = |r: isize, c: isize| bordered(texels, size, face, top as isize + r, left as isize + c);
+    let line = |r: isize| mix(texel(r, 0), texel(r, 1), x - left);
+    mix(line(0), line(1), y - top)
+}
+
+/// The texel at (row, column) of a face, either of which may lie one beyond its edge: there the neighbouring face is
+/// looked up at the same point, along the edge between its outermost texels.
+pub fn bordered(texels: &[[f32; 3]], size: usize, face: usize, row: isize, column: isize) -> [f64; 3] {
+    let inside = 0..size as isize;
+    if inside.contains(&row) && inside.contains(&column) {
+        return texels[(face * size + row as usize) * size + column as usize].map(f64::from);
+    }
+    let coordinate = |k: isize| (2.0 * k as f64 + 1.0 - size as f64) / size as f64;
+    let (face, s, t) = direction_to_face_uv(face_point(face, coordinate(column), coordinate(row)));
+    let place = |coordinate: f64| (((coordinate + 1.0) * size as f64 - 1.0) * 0.5).clamp(0.0, size as f64 - 1.0);
+    let (x, y) = (place(s), place(t));
+    let texel = |r: usize, c: usize| texels[(face * size + r) * size + c].map(f64::from);
+    let (left, top) = (x as usize, y as usize);
+    let (right, bottom) = ((left + 1).min(size - 1), (top + 1).min(size - 1));
+    let line = |r: usize| mix(texel(r, left), texel(r, right), x - left as f64);
+    mix(line(top), line(bottom), y - top as f64)
+}
+
+/// The map averaged over the texels of a cubemap with `size` x `size` a face, by solid angle.
+pub fn average(layout: Layout, pixels: Vec<[f32; 3]>, size: usize) -> Vec<[f32; 3]> {
+    match layout {
+        Layout::LatLong { width, height } => average_lat_long(pixels, width, height, size),
+        Layout::Cubemap { size: source } => average_cubemap(&pixels, source, size),
+    }
+}
+
+/// Exact: two grids on the same face overlap in rectangles, and the solid angle of each is known.
+fn average_cubemap(pixels: &[[f32; 3]], source: usize, size: usize) -> Vec<[f32; 3]> {
+    // The pieces that both grids cut a line into, for each target texel: source texel and extent.
+    let pieces: Vec<Vec<(usize, [f64; 2])>> = (0..size)
+        .map(|k| {
+            let edge = |k: usize, n: usize| (2.0 * k as f64 - n as f64) / n as f64;
+            let (first, last) = (k * source / size, ((k + 1) * source).div_ceil(size));
+            let cut = |j: usize| [edge(j, source).max(edge(k, size)), edge(j + 1, source).min(edge(k + 1, size))];
+            (first..last).map(|j| (j, cut(j))).collect()
+        })
+        .collect();
+
+    // The faces are alike: each rectangle's solid angle serves all six.
+    let texel = |row: usize, column: usize| {
+        let (mut sums, mut area) = ([[0.0; 3]; 6], 0.0);
+        for &(j, y) in &pieces[row] {
+            for &(i, x) in &pieces[column] {
+                let piece = rectangle_solid_angle(x, y);
+                area += piece;
+                for (face, sum) in sums.iter_mut().enumerate() {
+                    let pixel = &pixels[(face * source + j) * source + i];
+                    (0..3).for_each(|c| sum[c] += piece * pixel[c] as f64);
+                }
+            }
+        }
+        sums.map(|sum| sum.map(|value| (value / area) as f32))
+    };
+    let columns: Vec<[[f32; 3]; 6]> = (0..size * size).into_par_iter().map(|k| texel(k / size, k % size)).collect();
+    (0..6).flat_map(|face| columns.iter().map(move |faces| faces[face])).collect()
+}
+
+/// By quadrature of the bilinear image, one and a half points a pixel or more each way, after averaging pixels that are far too fine.
+fn average_lat_long(mut pixels: Vec<[f32; 3]>, mut width: usize, mut height: usize, size: usize) -> Vec<[f32; 3]> {
+    let texel = 2.0 / size as f64;
+    let pitch = |width: usize, height: usize| Layout::LatLong { width, height }.pitch();
+    while width.is_multiple_of(2) && height.is_multiple_of(2) && pitch(width, height) < texel / 4.0 {
+        pixels = halve(&pixels, width, height);
+        (width, height) = (width / 2, height / 2);
+    }
+
+    let points = ((1.5 * texel / pitch(width, height)).ceil() as usize).clamp(2, 32);
+    let areas = solid_angles(size * points);
+    let grid = size * points;
+    (0..6 * size * size)
+        .into_par_iter()
+        .map(|k| {
+            let (face, row, column) = (k / (size * size), k / size % size, k % size);
+            let (mut sum, mut area) = ([0.0; 3], 0.0);
+            for point in 0..points * points {
+                let (j, i) = (row * points + point / points, column * points + point % points);
+                let direction = face_point(face, texel_centre(grid, i), texel_centre(grid, j));
+                let value = lat_long(&pixels, width, height, direction);
+                let weight = areas[j * grid + i];
+                area += weight;
+                (0..3).for_each(|c| sum[c] += weight * value[c]);
+            }
+            sum.map(|value| (value / area) as f32)
+        })
+        .collect()
+}
+
+/// The mean of 2x2 pixels, rows weighted by their solid angle.
+fn halve(pixels: &[[f32; 3]], width: usize, height: usize) -> Vec<[f32; 3]> {
+    let area = |row: usize| lat_long_area(width, height, row);
+    (0..width * height / 4)
+        .into_par_iter()
+        .map(|k| {
+            let (row, column) = (2 * (k / (width / 2)), 2 * (k % (width / 2)));
+            let (upper, lower) = (area(row), area(row + 1));
+            let at = |r: usize, c: usize| pixels[(row + r) * width + column + c].map(f64::from);
+            let line = |r: usize| mix(at(r, 0), at(r, 1), 0.5);
+            mix(line(0), line(1), lower / (upper + lower)).map(|value| value as f32)
+        })
+        .collect()
+}
+
+/// The solid angle of a pixel in a row of a lat-long image.
+pub fn lat_long_area(width: usize, height: usize, row: usize) -> f64 {
+    let edge = |row: usize| (PI * row as f64 / height as f64).cos();
+    2.0 * PI / width as f64 * (edge(row) - edge(row + 1))
+}
+
+/// The direction of the point (row, column), in pixels from the corner, of a lat-long image.
+pub fn lat_long_direction(width: usize, height: usize, row: f64, column: f64) -> [f64; 3] {
+    let ((sin_v, cos_v), (sin_u, cos_u)) =
+        ((PI * row / height as f64).sin_cos(), (2.0 * PI * column / width as f64).sin_cos());
+    [sin_v * sin_u, cos_v, -sin_v * cos_u]
+}

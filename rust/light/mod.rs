@@ -1,0 +1,10 @@
+//! Distant light: cubemaps of radiance, and environment maps that are rotated and resampled to them every frame.
+
+pub mod cubemap;
+pub mod environment;
+
+mod bright;
+mod lookup;
+mod resample;
+
+pub use environment::{EnvironmentMap, Layout};

@@ -1,0 +1,166 @@
+//! Bindings of `basis::haar` and `light`. Shapes, dtypes and values are checked by `deltalux.environment` beforehand.
+
+use numpy::ndarray::{Array2, Array4};
+use numpy::{IntoPyArray, PyArray2, PyArray4, PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArray4};
+use pyo3::prelude::*;
+
+use crate::basis::haar::Haar;
+use crate::error::{Error, Result};
+use crate::light::{EnvironmentMap, Layout};
+
+use super::compute;
+
+/// The largest cubemap face that is resampled to: 150 MB of radiance.
+const MAX_SIZE: usize = 2048;
+
+/// One map of an environment: its weight, the map, and the rotation of its light as an orthogonal matrix in rows.
+type Part = (f64, Py<PyEnvironmentMap>, [[f64; 3]; 3]);
+
+#[pyclass(frozen, name = "EnvironmentMap", module = "deltalux._core")]
+pub(super) struct PyEnvironmentMap(EnvironmentMap);
+
+#[pymethods]
+impl PyEnvironmentMap {
+    /// A lat-long image, (h, w, 3) float32.
+    #[staticmethod]
+    fn from_latlong(py: Python<'_>, pixels: PyReadonlyArray3<'_, f32>) -> PyResult<Self> {
+        let shape = pixels.as_array().shape().to_vec();
+        let layout = Layout::LatLong { height: shape[0], width: shape[1] };
+        let colours = colours(pixels.as_slice().map_err(|_| not_contiguous())?)?;
+        compute(py, || EnvironmentMap::new(layout, colours)).map(PyEnvironmentMap)
+    }
+
+    /// Six faces, (6, n, n, 3) float32.
+    #[staticmethod]
+    fn from_cubemap(py: Python<'_>, pixels: PyReadonlyArray4<'_, f32>) -> PyResult<Self> {
+        let layout = Layout::Cubemap { size: pixels.as_array().shape()[1] };
+        let colours = colours(pixels.as_slice().map_err(|_| not_contiguous())?)?;
+        compute(py, || EnvironmentMap::new(layout, colours)).map(PyEnvironmentMap)
+    }
+
+    /// Bytes held, with what was prepared for the sizes asked for so far.
+    #[getter]
+    fn nbytes(&self) -> usize {
+        self.0.bytes()
+    }
+}
+
+fn not_contiguous() -> PyErr {
+    Error::input("expected a C-contiguous array").into()
+}
+
+/// Numbers as colours: the last axis has length 3.
+fn colours(values: &[f32]) -> Result<Vec<[f32; 3]>> {
+    match values.as_chunks::<3>() {
+        (colours, []) => Ok(colours.to_vec()),
+        _ => Err(Error::input("expected an array whose last axis has length 3")),
+    }
+}
+
+/// The sum of the parts on a cubemap.
+fn resampled(parts: &[Part], size: usize) -> Result<Vec<[f32; 3]>> {
+    if !(1..=MAX_SIZE).contains(&size) {
+        return Err(Error::input(format!("expected a cubemap face of 1 to {MAX_SIZE} texels, got {size}")));
+    }
+    let mut radiance = vec![[0.0; 3]; 6 * size * size];
+    for (weight, map, rotation) in parts {
+        map.get().0.resample(size, rotation, *weight, &mut radiance);
+    }
+    Ok(radiance)
+}
+
+fn table<'py>(py: Python<'py>, colours: Vec<[f64; 3]>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let shape = (colours.len(), 3);
+    let array = Array2::from_shape_vec(shape, colours.into_flattened());
+    Ok(array.map_err(|error| Error::input(error.to_string()))?.into_pyarray(py))
+}
+
+fn cubemap<'py, T: numpy::Element>(py: Python<'py>, size: usize, texels: Vec<T>) -> PyResult<Bound<'py, PyArray4<T>>> {
+    let array = Array4::from_shape_vec((6, size, size, 3), texels);
+    Ok(array.map_err(|error| Error::input(error.to_string()))?.into_pyarray(py))
+}
+
+/// Radiance of the sum of the parts: (6, size, size, 3) float32.
+#[pyfunction]
+fn environment_cubemap(py: Python<'_>, parts: Vec<Part>, size: usize) -> PyResult<Bound<'_, PyArray4<f32>>> {
+    let radiance = compute(py, || resampled(&parts, size))?;
+    cubemap(py, size, radiance.into_flattened())
+}
+
+/// Haar coefficients of the sum of the parts: (6 size^2, 3) float64. The part of a frame that chooses starts here.
+#[pyfunction]
+fn environment_coefficients(py: Python<'_>, parts: Vec<Part>, size: usize) -> PyResult<Bound<'_, PyArray2<f64>>> {
+    let coefficients = compute(py, || Ok(Haar::shared(size)?.forward(&resampled(&parts, size)?)))?;
+    table(py, coefficients)
+}
+
+/// Radiance from unit directions (m, 3): (m, 3) float32, bilinear between the maps' own pixels.
+#[pyfunction]
+fn environment_radiance<'py>(
+    py: Python<'py>,
+    parts: Vec<Part>,
+    directions: PyReadonlyArray2<'py, f64>,
+) -> PyResult<Bound<'py, PyArray2<f32>>> {
+    let (directions, _) = directions.as_slice().map_err(|_| not_contiguous())?.as_chunks::<3>();
+    let radiance = compute(py, || {
+        let mut sum = vec![[0.0f32; 3]; directions.len()];
+        for (weight, map, rotation) in &parts {
+            for (total, own) in sum.iter_mut().zip(map.get().0.sample(directions, rotation, *weight)) {
+                (0..3).for_each(|c| total[c] += own[c]);
+            }
+        }
+        Ok(sum)
+    })?;
+    let array = Array2::from_shape_vec((radiance.len(), 3), radiance.into_flattened());
+    Ok(array.map_err(|error| Error::input(error.to_string()))?.into_pyarray(py))
+}
+
+/// Haar coefficients of radiance (6, size, size, 3): (6 size^2, 3) float64.
+#[pyfunction]
+fn haar_coefficients<'py>(
+    py: Python<'py>,
+    size: usize,
+    cubemap: PyReadonlyArray4<'py, f32>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let texels = colours(cubemap.as_slice().map_err(|_| not_contiguous())?)?;
+    let coefficients = compute(py, || {
+        let haar = Haar::shared(size)?;
+        checked(haar.columns(), texels.len())?;
+        Ok(haar.forward(&texels))
+    })?;
+    table(py, coefficients)
+}
+
+/// The radiance (6, size, size, 3) float64 that has these coefficients (6 size^2, 3).
+#[pyfunction]
+fn haar_inverse<'py>(
+    py: Python<'py>,
+    size: usize,
+    coefficients: PyReadonlyArray2<'py, f64>,
+) -> PyResult<Bound<'py, PyArray4<f64>>> {
+    let (coefficients, _) = coefficients.as_slice().map_err(|_| not_contiguous())?.as_chunks::<3>();
+    let radiance = compute(py, || {
+        let haar = Haar::shared(size)?;
+        checked(haar.columns(), coefficients.len())?;
+        Ok(haar.inverse(coefficients))
+    })?;
+    cubemap(py, size, radiance.into_flattened())
+}
+
+fn checked(expected: usize, found: usize) -> Result<()> {
+    if expected == found {
+        Ok(())
+    } else {
+        Err(Error::input(format!("expected {expected} colours for this face size, got {found}")))
+    }
+}
+
+pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<PyEnvironmentMap>()?;
+    module.add_function(wrap_pyfunction!(environment_cubemap, module)?)?;
+    module.add_function(wrap_pyfunction!(environment_coefficients, module)?)?;
+    module.add_function(wrap_pyfunction!(environment_radiance, module)?)?;
+    module.add_function(wrap_pyfunction!(haar_coefficients, module)?)?;
+    module.add_function(wrap_pyfunction!(haar_inverse, module)?)?;
+    Ok(())
+}

@@ -1,0 +1,588 @@
+//! The transport floor for Python: an opened M, a writer, and tiles that are passed from one to the other unseen.
+
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+use numpy::{
+    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
+    PyUntypedArrayMethods,
+};
+use pyo3::exceptions::{PyIndexError, PyValueError};
+use pyo3::prelude::*;
+use rayon::prelude::*;
+
+use crate::error::{Error, Result};
+use crate::transport::manifest::{Manifest, TILES_PER_SHARD, width_name};
+use crate::transport::truncate::bf16;
+use crate::transport::{Audit, Dense, Description, ReceiverTable, Survey, Tile, TransportMatrix, Truncation, Values};
+use crate::relight::shade::{Rows, resolve};
+use crate::transport::{Width, Writer, open};
+use crate::update::{RowNorm, multiply};
+
+use super::{compute, interruptible};
+
+/// One tile of M: what a pass returns and `TransportWriter.write_shard` takes.
+#[pyclass(frozen, module = "deltalux._core")]
+pub(crate) struct TileData(pub(crate) Tile);
+
+#[pymethods]
+impl TileData {
+    /// Rows of the tile.
+    #[getter]
+    fn rows(&self) -> usize {
+        self.0.rows
+    }
+
+    /// Stored groups of 16 rows.
+    #[getter]
+    fn entries(&self) -> usize {
+        self.0.words.len()
+    }
+
+    /// Bytes in memory, which are those on disk.
+    #[getter]
+    fn nbytes(&self) -> usize {
+        self.0.nbytes()
+    }
+}
+
+/// A light transport matrix M, opened from a directory or made in memory.
+#[pyclass(frozen, module = "deltalux._core")]
+pub(crate) struct Transport {
+    pub(crate) matrix: Arc<TransportMatrix>,
+    /// What the grid of a product follows; found when it is first asked for.
+    row_norm: OnceLock<RowNorm>,
+    /// What only a file has.
+    file: Option<FileParts>,
+}
+
+struct FileParts {
+    manifest: Manifest,
+    receivers: ReceiverTable,
+    audit: Option<Audit>,
+}
+
+impl Transport {
+    fn file(&self) -> Result<&FileParts> {
+        self.file.as_ref().ok_or_else(|| Error::input("expected a transport that was opened from a file"))
+    }
+
+    fn per_row(&self, py: Python<'_>, of: fn(&ReceiverTable) -> &[f32]) -> PyResult<Py<PyArray2<f32>>> {
+        Ok(PyArray1::from_slice(py, of(&self.file()?.receivers)).reshape([self.matrix.rows, 3])?.unbind())
+    }
+
+    fn norms(&self, py: Python<'_>, of: fn(&Tile) -> &[u16]) -> PyResult<Py<PyArray2<f32>>> {
+        let norms: Vec<f32> = self.matrix.tiles.iter().flat_map(of).map(|&bits| bf16(bits)).collect();
+        Ok(norms.into_pyarray(py).reshape([self.matrix.rows, self.matrix.bands.count()])?.unbind())
+    }
+
+    fn stored_width(&self) -> Width {
+        match self.matrix.tiles.first().map(|tile| &tile.values) {
+            Some(Values::I8(_)) => Width::I8,
+            _ => Width::I16,
+        }
+    }
+
+    /// The rule of a re-truncation: what is not given stays as it is.
+    fn rule(&self, threshold: f64, width: Option<&str>, quantum: Option<i32>) -> Result<Truncation> {
+        let width = width.map_or(Ok(self.stored_width()), parse_width)?;
+        Truncation::new(&self.matrix.bands, threshold, quantum.unwrap_or(self.matrix.quantum), width)
+    }
+}
+
+pub(super) fn parse_width(text: &str) -> Result<Width> {
+    match text {
+        "i8" => Ok(Width::I8),
+        "i16" => Ok(Width::I16),
+        other => Err(Error::input(format!("expected the width \"i8\" or \"i16\", got {other:?}"))),
+    }
+}
+
+#[pymethods]
+impl Transport {
+    /// Opens a transport directory by memory map, after checking everything in it.
+    ///
+    /// Raises `FileError` (a `ValueError`) where a file is not what it claims to be, `OSError` where it cannot be read.
+    #[staticmethod]
+    fn open(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        let opened = compute(py, || open(&path))?;
+        let file = FileParts { manifest: opened.manifest, receivers: opened.receivers, audit: opened.audit };
+        Ok(Transport { matrix: Arc::new(opened.matrix), row_norm: OnceLock::new(), file: Some(file) })
+    }
+
+    /// Compresses a dense array (rows, columns) of float64 in memory.
+    #[staticmethod]
+    #[pyo3(signature = (array, *, columns, tile_rows = 16384, width = "i16", quantum = -24, threshold = 0.0))]
+    fn from_dense(
+        py: Python<'_>,
+        array: PyReadonlyArray2<'_, f64>,
+        columns: &str,
+        tile_rows: usize,
+        width: &str,
+        quantum: i32,
+        threshold: f64,
+    ) -> PyResult<Self> {
+        let [rows, width_of_array] = [array.shape()[0], array.shape()[1]];
+        let dense = Dense::new(rows, width_of_array, array.as_array().iter().copied().collect());
+        let space: crate::basis::ColumnSpace = columns.parse()?;
+        let width = parse_width(width)?;
+        let matrix = compute(py, || {
+            let rule = Truncation::new(&space.bands(), threshold, quantum, width)?;
+            dense.compress(space, &rule, tile_rows)
+        })?;
+        Ok(Transport { matrix: Arc::new(matrix), row_norm: OnceLock::new(), file: None })
+    }
+
+    #[getter]
+    fn rows(&self) -> usize {
+        self.matrix.rows
+    }
+
+    /// What the columns mean, as text: "haar:64".
+    #[getter]
+    fn columns(&self) -> String {
+        self.matrix.space.to_string()
+    }
+
+    #[getter]
+    fn shape(&self) -> (usize, usize) {
+        (self.matrix.rows, self.matrix.bands.columns())
+    }
+
+    #[getter]
+    fn quantum(&self) -> i32 {
+        self.matrix.quantum
+    }
+
+    #[getter]
+    fn width(&self) -> &'static str {
+        width_name(self.stored_width())
+    }
+
+    #[getter]
+    fn tile_rows(&self) -> usize {
+        self.matrix.tile_rows
+    }
+
+    /// Bytes of M, the norms of its rows included.
+    #[getter]
+    fn nbytes(&self) -> usize {
+        self.matrix.nbytes()
+    }
+
+    /// Bytes of the receivers.
+    #[getter]
+    fn receiver_nbytes(&self) -> usize {
+        self.file.as_ref().map_or(0, |file| file.receivers.nbytes())
+    }
+
+    /// Stored groups of 16 rows.
+    #[getter]
+    fn entries(&self) -> usize {
+        self.matrix.entries()
+    }
+
+    /// (height, width) of the image that the receivers resolve into.
+    #[getter]
+    fn image_shape(&self) -> PyResult<(usize, usize)> {
+        let [height, width] = self.file()?.manifest.image;
+        Ok((height, width))
+    }
+
+    /// The camera, as JSON text.
+    #[getter]
+    fn camera(&self) -> PyResult<String> {
+        Ok(self.file()?.manifest.camera.get().to_owned())
+    }
+
+    /// The plan by which M was computed, as JSON text.
+    #[getter]
+    fn plan(&self) -> PyResult<String> {
+        Ok(self.file()?.manifest.plan.get().to_owned())
+    }
+
+    /// The hash of the scene.
+    #[getter]
+    fn scene(&self) -> PyResult<String> {
+        Ok(self.file()?.manifest.scene.clone())
+    }
+
+    /// Bytes of all files, by name.
+    #[getter]
+    fn files(&self) -> PyResult<Vec<(String, u64)>> {
+        Ok(self.file()?.manifest.files.iter().map(|entry| (entry.name.clone(), entry.bytes)).collect())
+    }
+
+    /// The pixel of each row, (rows,) uint32.
+    #[getter]
+    fn pixel(&self, py: Python<'_>) -> PyResult<Py<PyArray1<u32>>> {
+        Ok(PyArray1::from_slice(py, &self.file()?.receivers.pixel).unbind())
+    }
+
+    /// The share of its pixel that each row is, (rows,) float32.
+    #[getter]
+    fn weight(&self, py: Python<'_>) -> PyResult<Py<PyArray1<f32>>> {
+        Ok(PyArray1::from_slice(py, &self.file()?.receivers.weight).unbind())
+    }
+
+    /// Diffuse reflectance, (rows, 3) float32.
+    #[getter]
+    fn albedo(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f32>>> {
+        self.per_row(py, |receivers| &receivers.albedo)
+    }
+
+    /// World coordinates, (rows, 3) float32.
+    #[getter]
+    fn position(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f32>>> {
+        self.per_row(py, |receivers| &receivers.position)
+    }
+
+    /// Shading normals, (rows, 3) float32.
+    #[getter]
+    fn normal(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f32>>> {
+        self.per_row(py, |receivers| &receivers.normal)
+    }
+
+    /// The material of each row, (rows,) uint16, or None.
+    #[getter]
+    fn material(&self, py: Python<'_>) -> PyResult<Option<Py<PyArray1<u16>>>> {
+        let material = &self.file()?.receivers.material;
+        Ok(material.as_ref().map(|items| PyArray1::from_slice(py, items).unbind()))
+    }
+
+    /// The share of each pixel that sees no surface, (height, width) float32.
+    #[getter]
+    fn background(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f32>>> {
+        let file = self.file()?;
+        Ok(PyArray1::from_slice(py, &file.receivers.background).reshape(file.manifest.image)?.unbind())
+    }
+
+    /// Norm of each stored row in each band, (rows, bands) float32, rounded up.
+    fn kept(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f32>>> {
+        self.norms(py, |tile| &tile.kept)
+    }
+
+    /// Norm of what each row lost in each band, (rows, bands) float32, never below the truth.
+    fn dropped(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f32>>> {
+        self.norms(py, |tile| &tile.dropped)
+    }
+
+    /// One transport vector, dense: (columns,) float32.
+    fn row(&self, py: Python<'_>, row: usize) -> PyResult<Py<PyArray1<f32>>> {
+        if row >= self.matrix.rows {
+            return Err(PyIndexError::new_err(format!("expected a row below {}, got {row}", self.matrix.rows)));
+        }
+        Ok(self.matrix.row(row).into_pyarray(py).unbind())
+    }
+
+    /// (indptr int64, indices int32, data float32) of a copy by rows.
+    #[allow(clippy::type_complexity)]
+    fn to_csr(&self, py: Python<'_>) -> PyResult<(Py<PyArray1<i64>>, Py<PyArray1<i32>>, Py<PyArray1<f32>>)> {
+        let csr = compute(py, || Ok(self.matrix.to_csr()))?;
+        Ok((
+            csr.indptr.into_pyarray(py).unbind(),
+            csr.indices.into_pyarray(py).unbind(),
+            csr.data.into_pyarray(py).unbind(),
+        ))
+    }
+
+    /// M^T y for y of (rows, k) float64: (columns, k) float64.
+    fn transpose_multiply(&self, py: Python<'_>, y: PyReadonlyArray2<'_, f64>) -> PyResult<Py<PyArray2<f64>>> {
+        let (rows, k) = (y.shape()[0], y.shape()[1]);
+        if rows != self.matrix.rows || k == 0 {
+            let expected = self.matrix.rows;
+            return Err(PyValueError::new_err(format!("expected an array ({expected}, k >= 1), got ({rows}, {k})")));
+        }
+        let y: Vec<f64> = y.as_array().iter().copied().collect();
+        let product = compute(py, || Ok(self.matrix.transpose_multiply(&y, k)))?;
+        Ok(product.into_pyarray(py).reshape([self.matrix.bands.columns(), k])?.unbind())
+    }
+
+    /// L2 norm of each column, (columns,) float64.
+    fn column_norms(&self, py: Python<'_>) -> PyResult<Py<PyArray1<f64>>> {
+        Ok(compute(py, || Ok(self.matrix.column_norms()))?.into_pyarray(py).unbind())
+    }
+
+    /// Groups stored for each column, (columns,) uint32: what it costs to stream it.
+    fn column_entries(&self, py: Python<'_>) -> Py<PyArray1<u32>> {
+        self.matrix.column_entries().into_pyarray(py).unbind()
+    }
+
+    /// The largest norm of a row, rounded up.
+    fn row_norm_max(&self) -> f64 {
+        self.matrix.row_norm_max()
+    }
+
+    /// The tiles, for a writer. Nothing is copied.
+    fn tiles(&self) -> Vec<TileData> {
+        self.matrix.tiles.iter().cloned().map(TileData).collect()
+    }
+
+    /// (groups (n,) uint32, an in-memory Transport of 16 n untruncated rows), or None where the file has no audit.
+    fn audit(&self, py: Python<'_>) -> PyResult<Option<(Py<PyArray1<u32>>, Transport)>> {
+        let Some(audit) = &self.file()?.audit else { return Ok(None) };
+        let groups = PyArray1::from_slice(py, &audit.groups).unbind();
+        Ok(Some((groups, Transport { matrix: Arc::new(self.audit_matrix(audit)), row_norm: OnceLock::new(), file: None })))
+    }
+
+    /// B = M V for (k, columns, 3) float64: (k, rows, 3) float32.
+    fn multiply<'py>(&self, py: Python<'py>, lights: PyReadonlyArray3<'py, f64>) -> PyResult<Bound<'py, PyArray3<f32>>> {
+        let (count, rows) = (lights.shape()[0], self.matrix.rows);
+        let per_light = 3 * self.matrix.bands.columns();
+        let flat = lights.as_slice()?;
+        let out = compute(py, || {
+            let lights: Vec<&[[f64; 3]]> = flat.chunks_exact(per_light).map(|light| light.as_chunks().0).collect();
+            let mut out = vec![0f32; count * rows * 3];
+            let row_norm = *self.row_norm.get_or_init(|| RowNorm::of(&self.matrix));
+            multiply(&self.matrix, row_norm, &lights, &mut out)?;
+            Ok(out)
+        })?;
+        out.into_pyarray(py).reshape([count, rows, 3])
+    }
+
+    /// The picture of a response (rows, 3): (height, width, 3) float32, black where no surface is seen.
+    fn image<'py>(&self, py: Python<'py>, values: PyReadonlyArray2<'py, f32>) -> PyResult<Bound<'py, PyArray3<f32>>> {
+        let file = self.file()?;
+        let [height, width] = file.manifest.image;
+        let values = values.as_slice()?;
+        let mut picture = vec![0f32; 3 * height * width];
+        let ReceiverTable { pixel, weight, albedo, .. } = &file.receivers;
+        py.detach(|| resolve(&Rows { pixel, weight, albedo }, values, &mut picture));
+        picture.into_pyarray(py).reshape([height, width, 3])
+    }
+
+    /// (threshold, expected relative L2 error, expected entries a group) for a tolerance, from the audit where there is
+    /// one, else from all of M.
+    #[pyo3(signature = (tolerance, *, width = None, quantum = None))]
+    fn threshold_for(
+        &self,
+        py: Python<'_>,
+        tolerance: f64,
+        width: Option<&str>,
+        quantum: Option<i32>,
+    ) -> PyResult<(f64, f64, f64)> {
+        let rule = self.rule(0.0, width, quantum)?;
+        let audit = self.file.as_ref().and_then(|file| file.audit.as_ref());
+        let choice = compute(py, || match audit {
+            Some(audit) => survey(&self.audit_matrix(audit), &rule)?.threshold_for(tolerance),
+            None => survey(&self.matrix, &rule)?.threshold_for(tolerance),
+        })?;
+        Ok((choice.threshold, choice.error, choice.entries_per_group))
+    }
+
+    /// M under a coarser rule, in memory. The stated losses include what had been lost before.
+    #[pyo3(signature = (threshold, *, width = None, quantum = None))]
+    fn truncated(
+        &self,
+        py: Python<'_>,
+        threshold: f64,
+        width: Option<&str>,
+        quantum: Option<i32>,
+    ) -> PyResult<Transport> {
+        let rule = self.rule(threshold, width, quantum)?;
+        let matrix = compute(py, || self.matrix.truncated(&rule))?;
+        Ok(Transport { matrix: Arc::new(matrix), row_norm: OnceLock::new(), file: None })
+    }
+
+    /// Writes M under a coarser rule as a transport of its own, shard by shard, with the same receivers and audit.
+    #[pyo3(signature = (path, threshold, *, plan, width = None, quantum = None, progress = None))]
+    #[allow(clippy::too_many_arguments)]
+    fn truncate_to(
+        &self,
+        py: Python<'_>,
+        path: PathBuf,
+        threshold: f64,
+        plan: String,
+        width: Option<&str>,
+        quantum: Option<i32>,
+        progress: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<()> {
+        let rule = self.rule(threshold, width, quantum)?;
+        let file = self.file()?;
+        interruptible(py, progress, |watch| {
+            let step = |tiles: usize| watch.advance(tiles as u64);
+            write_truncated(&self.matrix, file, &path, &rule, plan, step)
+        })
+    }
+
+    fn __repr__(&self) -> String {
+        let (rows, columns) = self.shape();
+        format!("Transport({rows} x {columns}, {}, {} bytes)", self.columns(), self.nbytes())
+    }
+}
+
+impl Transport {
+    fn audit_matrix(&self, audit: &Audit) -> TransportMatrix {
+        TransportMatrix {
+            space: self.matrix.space,
+            bands: self.matrix.bands.clone(),
+            rows: audit.tile.rows,
+            quantum: self.matrix.quantum,
+            tile_rows: audit.tile.rows,
+            tiles: vec![audit.tile.clone()],
+        }
+    }
+}
+
+/// The energies of all groups of a matrix; tile by tile, merged in order.
+fn survey(matrix: &TransportMatrix, rule: &Truncation) -> Result<Survey> {
+    let empty = Survey::new(&matrix.bands, rule.quantum, rule.width)?;
+    let parts = matrix.tiles.par_iter().map(|tile| {
+        let mut part = empty.clone();
+        tile.for_each_group(matrix.bands.columns(), matrix.quantum, |_, lanes| part.add(lanes, &matrix.bands))?;
+        Ok(part)
+    });
+    let mut all = empty.clone();
+    parts.collect::<Result<Vec<_>>>()?.iter().for_each(|part| all.merge(part));
+    Ok(all)
+}
+
+fn write_truncated(
+    matrix: &TransportMatrix,
+    file: &FileParts,
+    path: &Path,
+    rule: &Truncation,
+    plan: String,
+    step: impl Fn(usize) -> Result<()> + Sync,
+) -> Result<()> {
+    let job = format!("{{\"truncation\": \"{rule:?}\", \"of\": {:?}, \"plan\": {plan:?}}}", file.manifest.files);
+    let mut writer = Writer::open(path, &job)?;
+    let finished = writer.finished();
+    for (shard, tiles) in matrix.tiles.chunks(TILES_PER_SHARD).enumerate() {
+        if !finished.contains(&shard) {
+            let tiles = tiles.par_iter().map(|tile| tile.retruncate(&matrix.bands, matrix.quantum, rule));
+            writer.write_shard(shard, &tiles.collect::<Result<Vec<_>>>()?)?;
+        }
+        step(tiles.len())?;
+    }
+    let about = Description {
+        space: matrix.space,
+        rows: matrix.rows,
+        quantum: rule.quantum,
+        width: rule.width,
+        tile_rows: matrix.tile_rows,
+        image: file.manifest.image,
+        camera: file.manifest.camera.get().to_owned(),
+        plan,
+        scene: file.manifest.scene.clone(),
+    };
+    // An audit counts in the quantum of its file.
+    let audit = file.audit.as_ref().filter(|_| rule.quantum == matrix.quantum);
+    writer.finish(&about, &file.receivers, audit)
+}
+
+/// Writes a transport shard by shard; the target is only touched when all is whole.
+#[pyclass(frozen, module = "deltalux._core")]
+struct TransportWriter(Mutex<Option<Writer>>);
+
+impl TransportWriter {
+    fn with<T>(&self, work: impl FnOnce(&mut Option<Writer>) -> Result<T>) -> Result<T> {
+        work(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+}
+
+fn finished_error() -> Error {
+    Error::input("this writer has finished: open another one")
+}
+
+#[pymethods]
+impl TransportWriter {
+    /// Begins a run, or resumes the one that left `path`.partial with the same `job` text.
+    #[new]
+    fn new(py: Python<'_>, path: PathBuf, job: String) -> PyResult<Self> {
+        let writer = compute(py, || Writer::open(&path, &job))?;
+        Ok(TransportWriter(Mutex::new(Some(writer))))
+    }
+
+    /// Tiles in a shard.
+    #[classattr]
+    const TILES_PER_SHARD: usize = TILES_PER_SHARD;
+
+    /// Numbers of the shards that need not be computed again, ascending.
+    fn finished(&self) -> PyResult<Vec<usize>> {
+        Ok(self.with(|writer| Ok(writer.as_ref().ok_or_else(finished_error)?.finished()))?)
+    }
+
+    /// Writes the tiles of a shard (tiles 4 number, 4 number + 1, ...); returns the bytes written.
+    fn write_shard(&self, py: Python<'_>, number: usize, tiles: Vec<Py<TileData>>) -> PyResult<u64> {
+        let tiles: Vec<Tile> = tiles.iter().map(|tile| tile.get().0.clone()).collect();
+        compute(py, || self.with(|writer| writer.as_mut().ok_or_else(finished_error)?.write_shard(number, &tiles)))
+    }
+
+    /// Writes the receivers, the audit and the manifest, checks everything, and puts the result in its place.
+    ///
+    /// pixel (rows,) uint32; weight (rows,), albedo, position, normal (rows, 3), background (height * width,) float32;
+    /// material (rows,) uint16; audit: (groups (n,) uint32, one tile of 16 n rows in 16 bits).
+    #[pyo3(signature = (
+        *, columns, rows, quantum, width, tile_rows, image, camera, plan, scene,
+        pixel, weight, albedo, position, normal, background, material = None, audit = None
+    ))]
+    #[allow(clippy::too_many_arguments)]
+    fn finish(
+        &self,
+        py: Python<'_>,
+        columns: &str,
+        rows: usize,
+        quantum: i32,
+        width: &str,
+        tile_rows: usize,
+        image: (usize, usize),
+        camera: String,
+        plan: String,
+        scene: String,
+        pixel: PyReadonlyArray1<'_, u32>,
+        weight: PyReadonlyArray1<'_, f32>,
+        albedo: PyReadonlyArray2<'_, f32>,
+        position: PyReadonlyArray2<'_, f32>,
+        normal: PyReadonlyArray2<'_, f32>,
+        background: PyReadonlyArray1<'_, f32>,
+        material: Option<PyReadonlyArray1<'_, u16>>,
+        audit: Option<(PyReadonlyArray1<'_, u32>, Py<TileData>)>,
+    ) -> PyResult<()> {
+        let about = Description {
+            space: columns.parse()?,
+            rows,
+            quantum,
+            width: parse_width(width)?,
+            tile_rows,
+            image: [image.0, image.1],
+            camera,
+            plan,
+            scene,
+        };
+        let receivers = ReceiverTable {
+            pixel: to_vec(&pixel).into(),
+            weight: to_vec(&weight).into(),
+            albedo: to_vec_of_rows("albedo", &albedo, rows)?.into(),
+            position: to_vec_of_rows("position", &position, rows)?.into(),
+            normal: to_vec_of_rows("normal", &normal, rows)?.into(),
+            material: material.as_ref().map(|material| to_vec(material).into()),
+            background: to_vec(&background).into(),
+        };
+        let audit = audit.map(|(groups, tile)| Audit { groups: to_vec(&groups).into(), tile: tile.get().0.clone() });
+        compute(py, || {
+            self.with(|writer| {
+                receivers.check(rows, about.image).map_err(Error::Input)?;
+                writer.take().ok_or_else(finished_error)?.finish(&about, &receivers, audit.as_ref())
+            })
+        })
+    }
+}
+
+fn to_vec<T: numpy::Element + Copy>(array: &PyReadonlyArray1<'_, T>) -> Vec<T> {
+    array.as_array().iter().copied().collect()
+}
+
+fn to_vec_of_rows(name: &str, array: &PyReadonlyArray2<'_, f32>, rows: usize) -> Result<Vec<f32>> {
+    if array.shape() != [rows, 3] {
+        return Err(Error::input(format!("expected {name} of shape ({rows}, 3), got {:?}", array.shape())));
+    }
+    Ok(array.as_array().iter().copied().collect())
+}
+
+pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<TileData>()?;
+    module.add_class::<Transport>()?;
+    module.add_class::<TransportWriter>()?;
+    Ok(())
+}

@@ -1,0 +1,174 @@
+//! Eight f32 lanes: one set of operations, two machines. No fused multiply-add anywhere, so that AVX2 and the portable
+//! path give the same bits.
+
+/// Eight lanes of f32. Comparisons give one bit a lane.
+pub(super) trait Lanes: Copy {
+    fn splat(value: f32) -> Self;
+    fn load(from: &[f32; 8]) -> Self;
+    fn store(self, to: &mut [f32; 8]);
+    fn add(self, other: Self) -> Self;
+    fn sub(self, other: Self) -> Self;
+    fn mul(self, other: Self) -> Self;
+    fn min(self, other: Self) -> Self;
+    fn max(self, other: Self) -> Self;
+    fn abs(self) -> Self;
+    fn neg(self) -> Self;
+    /// Bit l is set where `self[l] <= other[l]`.
+    fn le(self, other: Self) -> u32;
+    /// Bit l is set where `self[l] < other[l]`.
+    fn lt(self, other: Self) -> u32;
+    /// Lane l of `yes` where bit l is set, else of `no`.
+    fn select(bits: u32, yes: Self, no: Self) -> Self;
+
+    #[inline(always)]
+    fn dot(x: Self, y: Self, z: Self, axis: &[Self; 3]) -> Self {
+        x.mul(axis[0]).add(y.mul(axis[1])).add(z.mul(axis[2]))
+    }
+}
+
+/// The portable lanes: what the compiler makes of plain loops.
+#[derive(Clone, Copy)]
+pub(super) struct Portable([f32; 8]);
+
+impl Portable {
+    #[inline(always)]
+    fn zip(self, other: Self, f: impl Fn(f32, f32) -> f32) -> Self {
+        Portable(std::array::from_fn(|lane| f(self.0[lane], other.0[lane])))
+    }
+
+    #[inline(always)]
+    fn bits(self, other: Self, f: impl Fn(f32, f32) -> bool) -> u32 {
+        (0..8).fold(0, |bits, lane| bits | (f(self.0[lane], other.0[lane]) as u32) << lane)
+    }
+}
+
+impl Lanes for Portable {
+    #[inline(always)]
+    fn splat(value: f32) -> Self {
+        Portable([value; 8])
+    }
+    #[inline(always)]
+    fn load(from: &[f32; 8]) -> Self {
+        Portable(*from)
+    }
+    #[inline(always)]
+    fn store(self, to: &mut [f32; 8]) {
+        *to = self.0;
+    }
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        self.zip(other, |a, b| a + b)
+    }
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        self.zip(other, |a, b| a - b)
+    }
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        self.zip(other, |a, b| a * b)
+    }
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        self.zip(other, |a, b| if a < b { a } else { b })
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        self.zip(other, |a, b| if a > b { a } else { b })
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        Portable(self.0.map(f32::abs))
+    }
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Portable(self.0.map(|a| -a))
+    }
+    #[inline(always)]
+    fn le(self, other: Self) -> u32 {
+        self.bits(other, |a, b| a <= b)
+    }
+    #[inline(always)]
+    fn lt(self, other: Self) -> u32 {
+        self.bits(other, |a, b| a < b)
+    }
+    #[inline(always)]
+    fn select(bits: u32, yes: Self, no: Self) -> Self {
+        Portable(std::array::from_fn(|lane| if bits >> lane & 1 == 1 { yes.0[lane] } else { no.0[lane] }))
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+pub(super) use avx2::Avx2;
+
+#[cfg(target_arch = "x86_64")]
+mod avx2 {
+    use std::arch::x86_64::*;
+
+    use super::Lanes;
+
+    /// AVX2 lanes.
+    ///
+    /// SAFETY (of every `unsafe` block below): values of this type are made only inside functions that are reached after
+    /// `is_x86_feature_detected!("avx2")`; loads and stores go through references to exactly eight f32.
+    #[derive(Clone, Copy)]
+    pub(in crate::scene) struct Avx2(__m256);
+
+    impl Lanes for Avx2 {
+        #[inline(always)]
+        fn splat(value: f32) -> Self {
+            unsafe { Avx2(_mm256_set1_ps(value)) }
+        }
+        #[inline(always)]
+        fn load(from: &[f32; 8]) -> Self {
+            unsafe { Avx2(_mm256_loadu_ps(from.as_ptr())) }
+        }
+        #[inline(always)]
+        fn store(self, to: &mut [f32; 8]) {
+            unsafe { _mm256_storeu_ps(to.as_mut_ptr(), self.0) }
+        }
+        #[inline(always)]
+        fn add(self, other: Self) -> Self {
+            unsafe { Avx2(_mm256_add_ps(self.0, other.0)) }
+        }
+        #[inline(always)]
+        fn sub(self, other: Self) -> Self {
+            unsafe { Avx2(_mm256_sub_ps(self.0, other.0)) }
+        }
+        #[inline(always)]
+        fn mul(self, other: Self) -> Self {
+            unsafe { Avx2(_mm256_mul_ps(self.0, other.0)) }
+        }
+        #[inline(always)]
+        fn min(self, other: Self) -> Self {
+            unsafe { Avx2(_mm256_min_ps(self.0, other.0)) }
+        }
+        #[inline(always)]
+        fn max(self, other: Self) -> Self {
+            unsafe { Avx2(_mm256_max_ps(self.0, other.0)) }
+        }
+        #[inline(always)]
+        fn abs(self) -> Self {
+            unsafe { Avx2(_mm256_andnot_ps(_mm256_set1_ps(-0.0), self.0)) }
+        }
+        #[inline(always)]
+        fn neg(self) -> Self {
+            unsafe { Avx2(_mm256_xor_ps(_mm256_set1_ps(-0.0), self.0)) }
+        }
+        #[inline(always)]
+        fn le(self, other: Self) -> u32 {
+            unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(self.0, other.0)) as u32 }
+        }
+        #[inline(always)]
+        fn lt(self, other: Self) -> u32 {
+            unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(self.0, other.0)) as u32 }
+        }
+        #[inline(always)]
+        fn select(bits: u32, yes: Self, no: Self) -> Self {
+            unsafe {
+                let lane = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+                let set = _mm256_cmpeq_epi32(_mm256_and_si256(_mm256_set1_epi32(bits as i32), lane), lane);
+                Avx2(_mm256_blendv_ps(no.0, yes.0, _mm256_castsi256_ps(set)))
+            }
+        }
+    }
+}

@@ -1,0 +1,255 @@
+//! Ray queries: the only file that names obvhs, which builds the tree.
+//!
+//! `Tracer::blocked` answers for bundles of parallel rays (`beam.rs`), the bulk of all rays; `closest_hit` and `occluded`
+//! take one ray at a time over obvhs's own nodes, for primary rays and as a check of the other. All use the triangle
+//! tests of this crate: obvhs's own test leaks at shared edges and vertices (NUMERICS 2g).
+
+use std::time::Duration;
+
+use glam::Vec3A;
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::Bvh2;
+use obvhs::bvh2::builder::build_bvh2;
+use obvhs::ray::{Ray, RayHit};
+use obvhs::{Boundable, BvhBuildParams};
+
+use super::beam::{self, Bundle, LEAF, Leaf, Node, Walk, WideTree};
+use super::mesh::Mesh;
+
+/// Boxes are padded by this much of the normalised scene: eight units in the last place of its largest coordinate.
+const PAD: f32 = 1e-6;
+
+/// How far receivers are lifted off their surface, in the normalised scene: above the rounding of any projected depth,
+/// below anything that can be seen.
+pub const LIFT: f64 = 4e-6;
+
+/// Most triangles of a leaf of the wide tree.
+const LEAF_SIZE: u32 = 8;
+
+struct Boxed([[f32; 3]; 3]);
+
+impl Boundable for Boxed {
+    fn aabb(&self) -> Aabb {
+        let [a, b, c] = self.0.map(Vec3A::from_array);
+        Aabb::new(a.min(b).min(c) - PAD, a.max(b).max(c) + PAD)
+    }
+}
+
+/// Where a ray first meets the scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// Number of the triangle in the mesh.
+    pub triangle: usize,
+    /// Distance in the normalised scene.
+    pub distance: f32,
+    /// Weights of corners 1 and 2.
+    pub barycentric: [f32; 2],
+}
+
+/// A scene's triangles, ready for rays.
+pub struct Tracer {
+    bvh: Bvh2,
+    /// Corners in the tree's own order.
+    corners: Vec<[[f32; 3]; 3]>,
+    wide: WideTree,
+}
+
+/// Watertight ray-triangle test (Woop, Benthin and Wald 2013), the shear prepared once for a ray.
+struct Shear {
+    axes: [usize; 3],
+    shear: [f32; 3],
+    origin: [f32; 3],
+}
+
+impl Shear {
+    fn new(origin: [f32; 3], direction: [f32; 3]) -> Self {
+        let z = (0..3).fold(0, |best, k| if direction[k].abs() > direction[best].abs() { k } else { best });
+        let (mut x, mut y) = ((z + 1) % 3, (z + 2) % 3);
+        if direction[z] < 0.0 {
+            std::mem::swap(&mut x, &mut y);
+        }
+        let shear = [direction[x] / direction[z], direction[y] / direction[z], 1.0 / direction[z]];
+        Shear { axes: [x, y, z], shear, origin }
+    }
+
+    /// Distance and weights of the three corners; infinite when the ray misses.
+    fn meet(&self, corners: &[[f32; 3]; 3]) -> (f32, [f32; 3]) {
+        const MISS: (f32, [f32; 3]) = (f32::INFINITY, [0.0; 3]);
+        let [x, y, z] = self.axes;
+        let seen = corners.map(|corner| {
+            let at: [f32; 3] = std::array::from_fn(|k| corner[k] - self.origin[k]);
+            [at[x] - self.shear[0] * at[z], at[y] - self.shear[1] * at[z], self.shear[2] * at[z]]
+        });
+        let edge = |a: usize, b: usize| {
+            let fast = seen[a][0] * seen[b][1] - seen[a][1] * seen[b][0];
+            if fast != 0.0 {
+                return fast;
+            }
+            // On the edge in f32: f64 products of f32 are exact, so the sign is the true one.
+            (seen[a][0] as f64 * seen[b][1] as f64 - seen[a][1] as f64 * seen[b][0] as f64) as f32
+        };
+        let weights = [edge(2, 1), edge(0, 2), edge(1, 0)];
+        if weights.iter().any(|&w| w < 0.0) && weights.iter().any(|&w| w > 0.0) {
+            return MISS;
+        }
+        let sum: f32 = weights.iter().sum();
+        if sum == 0.0 {
+            return MISS;
+        }
+        let distance = (0..3).map(|k| weights[k] * seen[k][2]).sum::<f32>() / sum;
+        if distance > 0.0 { (distance, weights.map(|w| w / sum)) } else { MISS }
+    }
+}
+
+impl Tracer {
+    pub fn new(mesh: &Mesh) -> Self {
+        if mesh.corners.is_empty() {
+            return Tracer { bvh: Bvh2::default(), corners: Vec::new(), wide: WideTree::default() };
+        }
+        let boxes: Vec<Boxed> = mesh.corners.iter().map(|&corners| Boxed(corners)).collect();
+        let bvh = build_bvh2(&boxes, BvhBuildParams::medium_build(), &mut Duration::default());
+        let corners: Vec<_> = bvh.primitive_indices.iter().map(|&number| mesh.corners[number as usize]).collect();
+        let wide = Collapse { bvh: &bvh, corners: &corners, tree: WideTree::default() }.run();
+        Tracer { bvh, corners, wide }
+    }
+
+    /// Which of the `active` rays of a bundle are blocked (see `beam::blocked`).
+    pub fn blocked(&self, bundle: &Bundle, direction: [f32; 3], active: u64, room: &mut Walk) -> u64 {
+        beam::blocked(&self.wide, bundle, direction, active, room)
+    }
+
+    /// The tree that beams walk, for tests of its two paths.
+    pub fn wide(&self) -> &WideTree {
+        &self.wide
+    }
+
+    /// Whether one ray meets anything.
+    pub fn occluded(&self, origin: [f32; 3], direction: [f32; 3]) -> bool {
+        if self.corners.is_empty() {
+            return false;
+        }
+        let shear = Shear::new(origin, direction);
+        let ray = Ray::new_inf(Vec3A::from_array(origin), Vec3A::from_array(direction));
+        !self.bvh.ray_traverse_miss(ray, |_, place| shear.meet(&self.corners[place]).0)
+    }
+
+    /// The first triangle that a ray meets.
+    pub fn closest_hit(&self, origin: [f32; 3], direction: [f32; 3]) -> Option<Hit> {
+        if self.corners.is_empty() {
+            return None;
+        }
+        let shear = Shear::new(origin, direction);
+        let ray = Ray::new_inf(Vec3A::from_array(origin), Vec3A::from_array(direction));
+        let mut hit = RayHit::none();
+        self.bvh.ray_traverse(ray, &mut hit, |_, place| shear.meet(&self.corners[place]).0);
+        if hit.t == f32::INFINITY {
+            return None;
+        }
+        let place = hit.primitive_id as usize;
+        let (distance, weights) = shear.meet(&self.corners[place]);
+        let triangle = self.bvh.primitive_indices[place] as usize;
+        Some(Hit { triangle, distance, barycentric: [weights[1], weights[2]] })
+    }
+
+    pub fn nbytes(&self) -> usize {
+        std::mem::size_of_val(&*self.bvh.nodes)
+            + std::mem::size_of_val(&*self.corners)
+            + std::mem::size_of_val(&*self.wide.nodes)
+            + std::mem::size_of_val(&*self.wide.leaves)
+    }
+}
+
+/// Turns the binary tree into eight-wide nodes: each takes its largest child apart until it has eight.
+struct Collapse<'a> {
+    bvh: &'a Bvh2,
+    corners: &'a [[[f32; 3]; 3]],
+    tree: WideTree,
+}
+
+impl Collapse<'_> {
+    fn run(mut self) -> WideTree {
+        let counts = self.counts();
+        // Breadth first: each task is a binary node and the wide node to fill with what lies under it.
+        self.tree.nodes.push(Node { centre: [[0.0; 8]; 3], half: [[-1e30; 8]; 3], child: [0; 8] });
+        let mut tasks = vec![(0u32, 0usize)];
+        while let Some((root, place)) = tasks.pop() {
+            for (slot, below) in self.eight_under(root, &counts).into_iter().enumerate() {
+                let child = if counts[below as usize] <= LEAF_SIZE {
+                    let leaf = self.leaf(below);
+                    self.tree.leaves.push(leaf);
+                    LEAF | (self.tree.leaves.len() - 1) as u32
+                } else {
+                    self.tree.nodes.push(Node { centre: [[0.0; 8]; 3], half: [[-1e30; 8]; 3], child: [0; 8] });
+                    tasks.push((below, self.tree.nodes.len() - 1));
+                    (self.tree.nodes.len() - 1) as u32
+                };
+                let bounds = self.bvh.nodes[below as usize].aabb();
+                let (centre, half) = ((bounds.min + bounds.max) * 0.5, (bounds.max - bounds.min) * 0.5);
+                let node = &mut self.tree.nodes[place];
+                node.child[slot] = child;
+                for axis in 0..3 {
+                    node.centre[axis][slot] = centre[axis];
+                    node.half[axis][slot] = half[axis];
+                }
+            }
+        }
+        self.tree
+    }
+
+    /// Triangles under each binary node. Children may stand before their parents, hence the explicit stack.
+    fn counts(&self) -> Vec<u32> {
+        let mut counts = vec![0u32; self.bvh.nodes.len()];
+        let mut stack = vec![(0u32, false)];
+        while let Some((number, below_done)) = stack.pop() {
+            let node = &self.bvh.nodes[number as usize];
+            if node.is_leaf() {
+                counts[number as usize] = node.prim_count;
+            } else if below_done {
+                counts[number as usize] =
+                    counts[node.first_index as usize] + counts[node.first_index as usize + 1];
+            } else {
+                stack.extend([(number, true), (node.first_index, false), (node.first_index + 1, false)]);
+            }
+        }
+        counts
+    }
+
+    fn eight_under(&self, root: u32, counts: &[u32]) -> Vec<u32> {
+        let mut parts = vec![root];
+        while parts.len() < 8 {
+            let divisible = |&&number: &&u32| {
+                !self.bvh.nodes[number as usize].is_leaf() && (counts[number as usize] > LEAF_SIZE || number == root)
+            };
+            let area = |number: &u32| self.bvh.nodes[*number as usize].aabb().half_area();
+            let Some(&largest) = parts.iter().filter(divisible).max_by(|a, b| area(a).total_cmp(&area(b))) else {
+                break;
+            };
+            parts.retain(|&number| number != largest);
+            let first = self.bvh.nodes[largest as usize].first_index;
+            parts.extend([first, first + 1]);
+        }
+        parts
+    }
+
+    fn leaf(&self, root: u32) -> Leaf {
+        let mut leaf = Leaf { corner: [[[0.0; 8]; 3]; 3] };
+        let mut slot = 0;
+        let mut stack = vec![root];
+        while let Some(number) = stack.pop() {
+            let node = &self.bvh.nodes[number as usize];
+            if !node.is_leaf() {
+                stack.extend([node.first_index, node.first_index + 1]);
+                continue;
+            }
+            for place in node.first_index..node.first_index + node.prim_count {
+                for (k, corner) in self.corners[place as usize].iter().enumerate() {
+                    for axis in 0..3 {
+                        leaf.corner[k][axis][slot] = corner[axis];
+                    }
+                }
+                slot += 1;
+            }
+        }
+        leaf
+    }
+}

@@ -1,0 +1,217 @@
+//! One safetensors file: written beside and renamed, opened by memory map with every range checked.
+
+use std::fs::{self, File};
+use std::io::{BufWriter, Write};
+use std::path::Path;
+use std::sync::Arc;
+
+use memmap2::Mmap;
+use safetensors::tensor::{Metadata, TensorInfo};
+use safetensors::{Dtype, SafeTensors};
+use xxhash_rust::xxh3::{Xxh3, xxh3_64};
+
+use crate::error::{Error, Result};
+
+use super::manifest::FileEntry;
+use super::tile::Slab;
+
+#[cfg(not(target_endian = "little"))]
+compile_error!("transport files are little-endian and are used as they lie in memory");
+
+/// The longest header accepted: a shard of four tiles has two kilobytes.
+const MAX_HEADER: u64 = 1 << 20;
+
+/// A number type of the format.
+pub trait Element: bytemuck::Pod + Send + Sync {
+    const DTYPE: Dtype;
+}
+
+impl Element for u32 {
+    const DTYPE: Dtype = Dtype::U32;
+}
+impl Element for f32 {
+    const DTYPE: Dtype = Dtype::F32;
+}
+impl Element for u16 {
+    const DTYPE: Dtype = Dtype::U16;
+}
+impl Element for i16 {
+    const DTYPE: Dtype = Dtype::I16;
+}
+impl Element for i8 {
+    const DTYPE: Dtype = Dtype::I8;
+}
+
+/// A named array to be written.
+pub struct Tensor<'a> {
+    pub name: String,
+    dtype: Dtype,
+    shape: Vec<usize>,
+    bytes: &'a [u8],
+}
+
+impl<'a> Tensor<'a> {
+    pub fn new<T: Element>(name: impl Into<String>, shape: &[usize], items: &'a [T]) -> Self {
+        debug_assert_eq!(shape.iter().product::<usize>(), items.len());
+        Tensor { name: name.into(), dtype: T::DTYPE, shape: shape.to_vec(), bytes: bytemuck::cast_slice(items) }
+    }
+}
+
+/// Writes arrays as `directory/name`: beside it first, synced, then renamed, so that the name only ever means a whole
+/// file.
+pub fn write_tensors(directory: &Path, name: &str, mut tensors: Vec<Tensor>) -> Result<FileEntry> {
+    // Widest numbers first: each array then starts at a multiple of its own size.
+    tensors.sort_by_key(|tensor| std::cmp::Reverse(tensor.dtype.bitsize()));
+    let mut end = 0;
+    let infos = tensors.iter().map(|tensor| {
+        let start = end;
+        end += tensor.bytes.len();
+        let info = TensorInfo { dtype: tensor.dtype, shape: tensor.shape.clone(), data_offsets: (start, end) };
+        (tensor.name.clone(), info)
+    });
+    let header = Metadata::new(None, infos.collect())
+        .map_err(|error| error.to_string())
+        .and_then(|metadata| serde_json::to_string(&metadata).map_err(|error| error.to_string()))
+        .map_err(|what| Error::file(&directory.join(name), what))?;
+    let mut header = header.into_bytes();
+    header.resize(header.len().next_multiple_of(8), b' ');
+
+    let length = (header.len() as u64).to_le_bytes();
+    let parts = [&length[..], &header[..]].into_iter().chain(tensors.iter().map(|tensor| tensor.bytes));
+    write_file(directory, name, parts)
+}
+
+/// Writes a file in parts: beside, sync, rename, sync of the directory. What fails leaves nothing behind.
+pub fn write_file<'a>(directory: &Path, name: &str, parts: impl Iterator<Item = &'a [u8]>) -> Result<FileEntry> {
+    let target = directory.join(name);
+    let beside = directory.join(format!(".tmp-{}-{name}", std::process::id()));
+    let written = write_parts(&beside, parts).and_then(|summary| {
+        fs::rename(&beside, &target)?;
+        sync_directory(directory)?;
+        Ok(summary)
+    });
+    match written {
+        Ok((bytes, hash)) => Ok(FileEntry { name: name.to_owned(), bytes, xxh3: format!("{hash:016x}") }),
+        Err(source) => {
+            // The first error is the one to tell; the file beside may not even exist.
+            let _ = fs::remove_file(&beside);
+            Err(Error::os(&target, source))
+        }
+    }
+}
+
+fn write_parts<'a>(path: &Path, parts: impl Iterator<Item = &'a [u8]>) -> std::io::Result<(u64, u64)> {
+    let mut file = BufWriter::with_capacity(1 << 20, File::create(path)?);
+    let mut hash = Xxh3::new();
+    let mut bytes = 0;
+    for part in parts {
+        file.write_all(part)?;
+        hash.update(part);
+        bytes += part.len() as u64;
+    }
+    let file = file.into_inner().map_err(std::io::IntoInnerError::into_error)?;
+    file.sync_all()?;
+    Ok((bytes, hash.digest()))
+}
+
+/// Makes renames in a directory survive a power failure. Where directories cannot be opened (Windows) they need no
+/// sync.
+pub fn sync_directory(directory: &Path) -> std::io::Result<()> {
+    if cfg!(unix) { File::open(directory)?.sync_all() } else { Ok(()) }
+}
+
+/// A mapped and verified safetensors file.
+pub struct Shard {
+    map: Arc<Mmap>,
+    metadata: Metadata,
+    /// Where the arrays begin.
+    data: usize,
+    path: std::path::PathBuf,
+}
+
+impl Shard {
+    /// Maps a file and checks, in this order: that it is a plain file of the stated size, its checksum, its header.
+    pub fn open(directory: &Path, entry: &FileEntry) -> Result<Shard> {
+        let path = directory.join(&entry.name);
+        let map = map_file(&path, entry)?;
+        let found = format!("{:016x}", xxh3_64(&map));
+        if found != entry.xxh3 {
+            return Err(Error::file(&path, format!("altered or damaged: checksum {found}, expected {}", entry.xxh3)));
+        }
+        let header = map.first_chunk().map_or(u64::MAX, |length| u64::from_le_bytes(*length));
+        if header > MAX_HEADER {
+            return Err(Error::file(&path, format!("expected a header of at most {MAX_HEADER} bytes, found {header}")));
+        }
+        let damaged = |error: safetensors::SafeTensorError| Error::file(&path, format!("not a tile file: {error}"));
+        let (length, metadata) = SafeTensors::read_metadata(&map).map_err(damaged)?;
+        Ok(Shard { map: Arc::new(map), metadata, data: 8 + length, path })
+    }
+
+    /// An array by name; it must have exactly this type and shape.
+    pub fn slab<T: Element>(&self, name: &str, shape: &[usize]) -> Result<Slab<T>> {
+        let info = self.info(name)?;
+        if info.dtype != T::DTYPE || info.shape != shape {
+            return Err(self.error(format!(
+                "expected {name:?} to be {:?} of shape {shape:?}, found {:?} of shape {:?}",
+                T::DTYPE,
+                info.dtype,
+                info.shape
+            )));
+        }
+        let start = self.data + info.data_offsets.0;
+        let bytes = &self.map[start..self.data + info.data_offsets.1];
+        let items = bytemuck::try_cast_slice::<u8, T>(bytes)
+            .map_err(|_| self.error(format!("expected {name:?} to start at a multiple of its item size")))?;
+        Ok(Slab::Mapped { map: self.map.clone(), start, len: items.len() })
+    }
+
+    /// How many items an array of one dimension has: known before anything is read or allocated.
+    pub fn len(&self, name: &str) -> Result<usize> {
+        match self.info(name)?.shape[..] {
+            [len] => Ok(len),
+            ref shape => Err(self.error(format!("expected {name:?} to have one dimension, found shape {shape:?}"))),
+        }
+    }
+
+    pub fn has(&self, name: &str) -> bool {
+        self.metadata.info(name).is_some()
+    }
+
+    /// Refuses a file with arrays that nothing asks for.
+    pub fn expect_count(&self, count: usize) -> Result<()> {
+        let found = self.metadata.tensors().len();
+        if found == count { Ok(()) } else { Err(self.error(format!("expected {count} arrays, found {found}"))) }
+    }
+
+    pub fn error(&self, what: impl Into<String>) -> Error {
+        Error::file(&self.path, what)
+    }
+
+    fn info(&self, name: &str) -> Result<&TensorInfo> {
+        self.metadata.info(name).ok_or_else(|| self.error(format!("the array {name:?} is missing")))
+    }
+}
+
+/// Maps a file that must be a plain one of the stated size: no link leads out of the directory.
+fn map_file(path: &Path, entry: &FileEntry) -> Result<Mmap> {
+    let seen = fs::symlink_metadata(path).map_err(|source| match source.kind() {
+        std::io::ErrorKind::NotFound => Error::file(path, "the manifest names this file, but it is missing"),
+        _ => Error::os(path, source),
+    })?;
+    if !seen.is_file() {
+        return Err(Error::file(path, "expected a plain file, found a link, a directory or a device"));
+    }
+    let file = File::open(path).map_err(|source| Error::os(path, source))?;
+    let bytes = file.metadata().map_err(|source| Error::os(path, source))?.len();
+    if bytes != entry.bytes {
+        return Err(Error::file(path, format!("expected {} bytes, found {bytes}: truncated or altered", entry.bytes)));
+    }
+    // SAFETY: a map is sound while nobody changes the file; files of a transport are replaced by rename, never
+    // rewritten.
+    unsafe { Mmap::map(&file) }.map_err(|source| Error::os(path, source))
+}
+
+/// Whether a file is there, whole and as its entry says.
+pub fn is_intact(directory: &Path, entry: &FileEntry) -> bool {
+    map_file(&directory.join(&entry.name), entry).is_ok_and(|map| format!("{:016x}", xxh3_64(&map)) == entry.xxh3)
+}

@@ -1,0 +1,322 @@
+//! Writing a transport: shard by shard into a directory beside the target, published by rename when it is whole.
+//!
+//! `NAME.partial/` holds a run in progress: `job.json` (what is being computed, by its exact text), and for each
+//! finished shard its file and a small record with size and checksum. A run with the same job resumes from the intact
+//! shards; one with another job starts anew. `NAME` itself is only touched by the last two renames.
+
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::fs::{self, File, TryLockError};
+use std::path::{Path, PathBuf};
+
+use serde_json::value::RawValue;
+
+use crate::basis::ColumnSpace;
+use crate::error::{Error, Result};
+
+use super::file::{self, Audit, ReceiverTable};
+use super::manifest::{
+    AUDIT, FORMAT, FileEntry, MAJOR, MANIFEST, MINOR, Manifest, RECEIVERS, TILES_PER_SHARD, read_small, shard_name,
+    width_name,
+};
+use super::shard::{Tensor, is_intact, sync_directory, write_file, write_tensors};
+use super::tile::{GROUP, Tile, Values, Width};
+
+const JOB: &str = "job.json";
+const LOCK: &str = "lock";
+/// A job is a page of text.
+const MAX_JOB: u64 = 16 << 20;
+
+/// What the manifest says that the tiles do not.
+#[derive(Clone, Debug)]
+pub struct Description {
+    pub space: ColumnSpace,
+    pub rows: usize,
+    pub quantum: i32,
+    pub width: Width,
+    pub tile_rows: usize,
+    /// [height, width]
+    pub image: [usize; 2],
+    /// JSON objects, opaque here.
+    pub camera: String,
+    pub plan: String,
+    pub scene: String,
+}
+
+/// A transport being written.
+pub struct Writer {
+    target: PathBuf,
+    partial: PathBuf,
+    /// Held until the writer goes: no second run writes here.
+    _lock: File,
+    shards: BTreeMap<usize, FileEntry>,
+}
+
+impl Writer {
+    /// Begins a run, or resumes one that was writing the same `job` to the same path.
+    ///
+    /// Refuses, before anything is written, a target that exists and is not a transport.
+    pub fn open(path: &Path, job: &str) -> Result<Writer> {
+        let target = std::path::absolute(path).map_err(|source| Error::os(path, source))?;
+        // A link to a transport stays: what it points at is replaced.
+        let target = fs::canonicalize(&target).unwrap_or(target);
+        recover(&target)?;
+        check_replaceable(&target)?;
+
+        // Only one run at a time: the lock goes with the process, however it ends.
+        let partial = sibling(&target, ".partial")?;
+        check_partial(&partial)?;
+        fs::create_dir_all(&partial).map_err(|source| Error::os(&partial, source))?;
+        let lock = lock(&partial)?;
+
+        // Another job's shards are never mixed in.
+        let same = read_small(&partial.join(JOB), MAX_JOB).is_ok_and(|text| text == job.as_bytes());
+        if !same {
+            remove_ours(&partial, |name| name != LOCK)?;
+            write_file(&partial, JOB, std::iter::once(job.as_bytes()))?;
+        }
+        let shards = finished_shards(&partial)?;
+        Ok(Writer { target, partial, _lock: lock, shards })
+    }
+
+    /// Numbers of the shards that are there and intact, ascending.
+    pub fn finished(&self) -> Vec<usize> {
+        self.shards.keys().copied().collect()
+    }
+
+    pub fn target(&self) -> &Path {
+        &self.target
+    }
+
+    /// Writes tiles `4 shard ..` of M; returns the bytes written. A shard that exists is replaced.
+    pub fn write_shard(&mut self, shard: usize, tiles: &[Tile]) -> Result<u64> {
+        if tiles.is_empty() || tiles.len() > TILES_PER_SHARD {
+            return Err(Error::input(format!("expected 1 to {TILES_PER_SHARD} tiles, got {}", tiles.len())));
+        }
+        let numbered = tiles.iter().enumerate();
+        let tensors = numbered.flat_map(|(k, tile)| tensors(&format!("{:05}", shard * TILES_PER_SHARD + k), tile));
+        let entry = write_tensors(&self.partial, &shard_name(shard), tensors.collect())?;
+        let record = serde_json::to_vec(&entry).map_err(|error| Error::input(error.to_string()))?;
+        write_file(&self.partial, &record_name(shard), std::iter::once(&record[..]))?;
+        let bytes = entry.bytes;
+        self.shards.insert(shard, entry);
+        Ok(bytes)
+    }
+
+    /// Completes the run: receivers, audit, manifest, a full check of everything as a reader would see it, and
+    /// publication.
+    pub fn finish(self, about: &Description, receivers: &ReceiverTable, audit: Option<&Audit>) -> Result<()> {
+        let mut manifest = about.manifest(self.shards.values().cloned().collect())?;
+        let expected = manifest.shards();
+        if let Some(missing) = (0..expected).find(|shard| !self.shards.contains_key(shard)) {
+            return Err(Error::input(format!("expected {expected} shards, but shard {missing} was not written")));
+        }
+        manifest.files.push(write_tensors(&self.partial, RECEIVERS, receivers.tensors(about.image))?);
+        if let Some(audit) = audit {
+            let mut all = tensors("audit", &audit.tile);
+            all.push(Tensor::new("audit.groups", &[audit.groups.len()], &audit.groups));
+            manifest.files.push(write_tensors(&self.partial, AUDIT, all)?);
+        }
+        let text = serde_json::to_vec_pretty(&manifest).map_err(|error| Error::input(error.to_string()))?;
+        write_file(&self.partial, MANIFEST, std::iter::once(&text[..]))?;
+
+        // What a reader would refuse is never published; the run stays where it can be resumed.
+        drop(file::open(&self.partial)?);
+        publish(&self.partial, &self.target)
+    }
+}
+
+impl Description {
+    fn manifest(&self, files: Vec<FileEntry>) -> Result<Manifest> {
+        let raw = |what: &str, text: &str| {
+            RawValue::from_string(text.to_owned())
+                .map_err(|error| Error::input(format!("expected {what} as JSON text: {error}")))
+        };
+        Ok(Manifest {
+            format: FORMAT.to_owned(),
+            version: [MAJOR, MINOR],
+            columns: self.space.to_string(),
+            rows: self.rows,
+            channels: 1,
+            quantum: self.quantum,
+            width: width_name(self.width).to_owned(),
+            tile_rows: self.tile_rows,
+            tiles_per_shard: TILES_PER_SHARD,
+            image: self.image,
+            camera: raw("the camera", &self.camera)?,
+            plan: raw("the plan", &self.plan)?,
+            scene: self.scene.clone(),
+            files,
+        })
+    }
+}
+
+/// The five arrays of a tile.
+fn tensors<'a>(name: &str, tile: &'a Tile) -> Vec<Tensor<'a>> {
+    let entries = tile.words.len();
+    let norms = [tile.rows, tile.kept.len() / tile.rows.max(1)];
+    let values = format!("{name}.values");
+    vec![
+        Tensor::new(format!("{name}.starts"), &[tile.starts.len()], &tile.starts),
+        Tensor::new(format!("{name}.words"), &[entries], &tile.words),
+        match &tile.values {
+            Values::I8(items) => Tensor::new(values, &[entries, GROUP], items),
+            Values::I16(items) => Tensor::new(values, &[entries, GROUP], items),
+        },
+        Tensor::new(format!("{name}.kept"), &norms, &tile.kept),
+        Tensor::new(format!("{name}.dropped"), &norms, &tile.dropped),
+    ]
+}
+
+/// `NAME.transport` with a suffix, in the same directory.
+fn sibling(target: &Path, suffix: &str) -> Result<PathBuf> {
+    let name = target
+        .file_name()
+        .ok_or_else(|| Error::input(format!("expected the name of a directory to write, got {}", target.display())))?;
+    let mut name: OsString = name.to_owned();
+    name.push(suffix);
+    Ok(target.with_file_name(name))
+}
+
+fn record_name(shard: usize) -> String {
+    format!("tiles-{shard:05}.json")
+}
+
+/// Whether a name is one that this file writes. Nothing else is ever removed.
+fn is_ours(name: &str) -> bool {
+    let numbered = name.strip_prefix("tiles-").and_then(|rest| rest.split_once('.'));
+    [MANIFEST, RECEIVERS, AUDIT, JOB, LOCK].contains(&name)
+        || name.starts_with(".tmp-")
+        || numbered.is_some_and(|(number, ending)| {
+            number.bytes().all(|c| c.is_ascii_digit()) && ["safetensors", "json"].contains(&ending)
+        })
+}
+
+/// The names in a directory; None where there is no directory.
+fn names(directory: &Path) -> Result<Option<Vec<String>>> {
+    match fs::symlink_metadata(directory) {
+        Err(source) if source.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+        Err(source) => return Err(Error::os(directory, source)),
+        Ok(seen) if !seen.is_dir() => {
+            return Err(Error::file(directory, "expected a transport directory or nothing, found something else"));
+        }
+        Ok(_) => {}
+    }
+    let entries = fs::read_dir(directory).and_then(|entries| {
+        entries.map(|entry| entry.map(|entry| entry.file_name().to_string_lossy().into_owned())).collect()
+    });
+    entries.map(Some).map_err(|source| Error::os(directory, source))
+}
+
+/// Refuses a target whose replacement would cost the user anything but a transport.
+fn check_replaceable(target: &Path) -> Result<()> {
+    let Some(names) = names(target)? else { return Ok(()) };
+    if names.is_empty() {
+        return Ok(());
+    }
+    if let Some(foreign) = names.iter().find(|name| !is_ours(name)) {
+        let what = format!("will not be replaced: it holds {foreign:?}, which is not part of a transport");
+        return Err(Error::file(target, what));
+    }
+    if !Manifest::is_transport(target) {
+        return Err(Error::file(target, "will not be replaced: it exists and is not a transport"));
+    }
+    Ok(())
+}
+
+/// Refuses to work in a directory that no run of ours left.
+fn check_partial(partial: &Path) -> Result<()> {
+    match names(partial)?.unwrap_or_default().iter().find(|name| !is_ours(name)) {
+        Some(foreign) => Err(Error::file(partial, format!("expected the remains of a run, found {foreign:?}"))),
+        None => Ok(()),
+    }
+}
+
+fn lock(partial: &Path) -> Result<File> {
+    let path = partial.join(LOCK);
+    let file = File::create(&path).map_err(|source| Error::os(&path, source))?;
+    match file.try_lock() {
+        Err(TryLockError::WouldBlock) => Err(Error::file(partial, "another run is writing here")),
+        // File systems without locks still get whole files, by rename.
+        Ok(()) | Err(TryLockError::Error(_)) => Ok(file),
+    }
+}
+
+/// Shards whose record and file agree; what does not is removed, with whatever a killed run left half-written.
+fn finished_shards(partial: &Path) -> Result<BTreeMap<usize, FileEntry>> {
+    let mut shards = BTreeMap::new();
+    for name in names(partial)?.unwrap_or_default() {
+        let number = name.strip_prefix("tiles-").and_then(|rest| rest.strip_suffix(".json"));
+        let Some(shard) = number.and_then(|number| number.parse::<usize>().ok()) else { continue };
+        let record = read_small(&partial.join(&name), 4096)?;
+        if let Ok(entry) = serde_json::from_slice::<FileEntry>(&record)
+            && entry.name == shard_name(shard)
+            && is_intact(partial, &entry)
+        {
+            shards.insert(shard, entry);
+        }
+    }
+    remove_ours(partial, |name| {
+        let known = shards.keys().any(|&shard| name == shard_name(shard) || name == record_name(shard));
+        !known && name != JOB && name != LOCK
+    })?;
+    Ok(shards)
+}
+
+/// Removes those of our files that `which` picks; never anything else.
+fn remove_ours(directory: &Path, which: impl Fn(&str) -> bool) -> Result<()> {
+    for name in names(directory)?.unwrap_or_default() {
+        if is_ours(&name) && which(&name) {
+            let path = directory.join(&name);
+            fs::remove_file(&path).map_err(|source| Error::os(&path, source))?;
+        }
+    }
+    Ok(())
+}
+
+/// Removes a directory of ours; one that holds more than our files stays, with the rest in it.
+fn remove_directory(directory: &Path) -> Result<()> {
+    remove_ours(directory, |_| true)?;
+    match fs::remove_dir(directory) {
+        Err(source) if source.kind() != std::io::ErrorKind::DirectoryNotEmpty => Err(Error::os(directory, source)),
+        _ => Ok(()),
+    }
+}
+
+/// After a run that was killed between the two renames of `publish`: the old result comes back, or goes if replaced.
+fn recover(target: &Path) -> Result<()> {
+    let old = sibling(target, ".old")?;
+    if !Manifest::is_transport(&old) {
+        return Ok(());
+    }
+    match names(target)? {
+        None => fs::rename(&old, target).map_err(|source| Error::os(target, source)),
+        Some(_) => remove_directory(&old),
+    }
+}
+
+/// Puts a complete directory in the target's place. Until the second rename the old result is whole, under one name or
+/// the other.
+fn publish(partial: &Path, target: &Path) -> Result<()> {
+    check_replaceable(target)?;
+    let old = sibling(target, ".old")?;
+    let replaces = target.exists();
+    if replaces {
+        fs::rename(target, &old).map_err(|source| Error::os(target, source))?;
+    }
+    if let Err(source) = fs::rename(partial, target) {
+        if replaces {
+            fs::rename(&old, target).map_err(|source| Error::os(&old, source))?;
+        }
+        return Err(Error::os(target, source));
+    }
+    if let Some(parent) = target.parent() {
+        sync_directory(parent).map_err(|source| Error::os(parent, source))?;
+    }
+
+    // From here on the new result stands; what is left of the run and of the old result only takes space.
+    if replaces {
+        remove_directory(&old)?;
+    }
+    remove_ours(target, |name| name == JOB || name == LOCK || name.ends_with(".json") && name != MANIFEST)
+}

@@ -1,0 +1,221 @@
+//! Which bands to reset: the tests of per-band incremental updates (Overbeck 2006, section 6.2).
+//!
+//! A reset is an increment from zero: it pays where the light has drifted so far from our copy that it is nearer to
+//! zero. `simple` asks that before it knows how many terms the band will get; `dealer` decides it together with the
+//! allocation, term by term; `exhaustive` tries all combinations. `fixed` is the static threshold that the thesis
+//! rejects, for comparison.
+
+use crate::basis::Bands;
+use crate::error::{Error, Result};
+
+use super::approximation::{Choice, Norm};
+use super::frame::Frame;
+use super::select::{Budget, Keyed, Largest, by_key};
+
+/// How a band is found to be worth resetting.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BandTest {
+    /// Incremental if |L - L~| < |L|.
+    Simple,
+    /// Deal one term at a time to the band where the error falls most.
+    Dealer,
+    /// The combination of least error, of all 2^bands.
+    Exhaustive,
+    /// The first bands are always incremental, the others always reset.
+    Fixed { incremental: usize },
+}
+
+/// 2^bands allocations a frame are tried up to here.
+const MAX_EXHAUSTIVE_BANDS: usize = 12;
+
+pub(super) fn check(test: BandTest, bands: &Bands, budget: &Budget) -> Result<()> {
+    let automatic = matches!(test, BandTest::Dealer | BandTest::Exhaustive);
+    if automatic && matches!(budget, Budget::Error { .. }) {
+        return Err(Error::input(
+            "the dealer and exhaustive band tests minimise error within a budget: expected one in terms or in cost, \
+             got a tolerated error",
+        ));
+    }
+    if test == BandTest::Exhaustive && bands.count() > MAX_EXHAUSTIVE_BANDS {
+        return Err(Error::input(format!(
+            "the exhaustive band test tries all combinations: expected at most {MAX_EXHAUSTIVE_BANDS} bands, got {}",
+            bands.count()
+        )));
+    }
+    Ok(())
+}
+
+/// Which bands are nearer to zero than to our copy. An unchanged band is not, even if it is zero.
+pub(super) fn simple(frame: &Frame, norm: Norm) -> Vec<bool> {
+    let anew = |band| {
+        let change = frame.norm(band, false, norm);
+        change > 0.0 && change >= frame.norm(band, true, norm)
+    };
+    (0..frame.bands.count()).map(anew).collect()
+}
+
+/// The candidates of a band in one mode, largest first, and what is left once the first n are sent.
+struct Hand {
+    cards: Vec<Keyed>,
+    /// The band's error after n cards: `cards.len() + 1` numbers, additive over bands.
+    left: Vec<f64>,
+    /// The cost of the first n cards, likewise.
+    spent: Vec<f64>,
+}
+
+/// Both modes of a band.
+struct Deck {
+    hands: [Hand; 2],
+    /// Whether a reset has anything to forget; if not, the two hands are the same.
+    held: bool,
+}
+
+impl Hand {
+    fn new(frame: &Frame, band: usize, anew: bool, budget: &Budget, norm: Norm) -> Hand {
+        let mut largest = Largest::new(most_terms(frame, band, budget));
+        largest.offer(frame.range(band).start, frame.keys(band, anew));
+        let cards = largest.sorted();
+
+        // What is never sent comes first, then the smallest card.
+        let beyond = frame.error_beyond(band, anew, norm, &cards);
+        let mut left = vec![beyond; cards.len() + 1];
+        for n in (0..cards.len()).rev() {
+            left[n] = left[n + 1] + frame.error(cards[n].candidate, anew, norm);
+        }
+        let mut spent = vec![0.0; cards.len() + 1];
+        for n in 0..cards.len() {
+            spent[n + 1] = spent[n] + frame.cost(cards[n].candidate);
+        }
+        Hand { cards, left, spent }
+    }
+}
+
+/// No band is ever sent more candidates than this.
+fn most_terms(frame: &Frame, band: usize, budget: &Budget) -> usize {
+    let all = frame.range(band).len();
+    match *budget {
+        Budget::Terms(terms) => all.min(terms),
+        Budget::Cost(cost) => {
+            let least = frame.range(band).map(|candidate| frame.cost(candidate as u32)).fold(f64::INFINITY, f64::min);
+            // A saturating conversion: cards that cost nothing are all listed.
+            all.min(((cost / least) as usize).saturating_add(1))
+        }
+        Budget::Error { .. } => all,
+    }
+}
+
+impl Deck {
+    fn all(frame: &Frame, budget: &Budget, norm: Norm) -> Vec<Deck> {
+        let deck = |band: usize| Deck {
+            hands: [false, true].map(|anew| Hand::new(frame, band, anew, budget, norm)),
+            held: frame.values[frame.bands.range(band)].iter().any(|value| *value != [0.0; 3]),
+        };
+        (0..frame.bands.count()).map(deck).collect()
+    }
+
+    /// The better mode for n cards: 1 is a reset. Without a card a band stays as it is, so that no reset leaves it
+    /// black; only where the light itself is black does a reset need none.
+    fn mode(&self, n: usize) -> usize {
+        let [incremental, anew] = &self.hands;
+        let allowed = self.held && (n > 0 || anew.cards.is_empty());
+        (allowed && anew.left(n) < incremental.left(n)) as usize
+    }
+
+    fn hand(&self, n: usize) -> &Hand {
+        &self.hands[self.mode(n)]
+    }
+
+    /// How much the next card takes off the error; `None` once the band is up to date.
+    fn gain(&self, n: usize) -> Option<f64> {
+        let hand = self.hand(n);
+        (n < hand.cards.len()).then(|| hand.left(n) - self.hand(n + 1).left(n + 1))
+    }
+}
+
+impl Hand {
+    /// The band's error after n cards, or after all.
+    fn left(&self, n: usize) -> f64 {
+        self.left[n.min(self.cards.len())]
+    }
+
+    fn spent(&self, n: usize) -> f64 {
+        self.spent[n.min(self.cards.len())]
+    }
+}
+
+/// The dealer algorithm (section 6.2.3): allocation and modes together, one card at a time.
+///
+/// A band's error is that of its better mode for the cards it has; the net gain of a card so includes a change of mode.
+/// With a handful of bands a scan for the largest gain is as fast as a heap.
+pub(super) fn deal(frame: &Frame, budget: &Budget, norm: Norm) -> Choice {
+    let decks = Deck::all(frame, budget, norm);
+    let mut dealt = vec![0; decks.len()];
+    for card in 0.. {
+        // The band whose error falls most; of equals the coarsest.
+        let gains = decks.iter().zip(&dealt).enumerate();
+        let gains = gains.filter_map(|(band, (deck, &n))| deck.gain(n).map(|gain| (band, gain)));
+        let Some((band, _)) = gains.reduce(|best, next| if next.1 > best.1 { next } else { best }) else { break };
+
+        dealt[band] += 1;
+        let spent = || decks.iter().zip(&dealt).map(|(deck, &n)| deck.hand(n).spent(n)).sum::<f64>();
+        if !affordable(budget, card + 1, spent) {
+            dealt[band] -= 1;
+            break;
+        }
+    }
+    let modes: Vec<usize> = decks.iter().zip(&dealt).map(|(deck, &n)| deck.mode(n)).collect();
+    collect(&decks, &modes, &dealt)
+}
+
+/// Whether so many cards of so much cost are within the budget; the first card always is.
+fn affordable(budget: &Budget, cards: usize, spent: impl FnOnce() -> f64) -> bool {
+    match *budget {
+        Budget::Terms(terms) => cards <= terms,
+        Budget::Cost(cost) => cards <= 1 || spent() <= cost,
+        Budget::Error { .. } => true,
+    }
+}
+
+/// All combinations of modes (section 6.2.1); of equals the one with the fewest resets of coarse bands.
+pub(super) fn exhaustive(frame: &Frame, budget: &Budget, norm: Norm) -> Choice {
+    let decks = Deck::all(frame, budget, norm);
+    let free: Vec<usize> = (0..decks.len()).filter(|&band| decks[band].held).collect();
+    let allocate = |combination: usize| {
+        let mut modes = vec![0; decks.len()];
+        for (bit, &band) in free.iter().rev().enumerate() {
+            modes[band] = combination >> bit & 1;
+        }
+        let dealt = merge(&decks, &modes, budget);
+        let hands = decks.iter().zip(modes.iter().zip(&dealt));
+        let error: f64 = hands.map(|(deck, (&mode, &n))| deck.hands[mode].left(n)).sum();
+        (error, modes, dealt)
+    };
+    let best =
+        (1..1 << free.len()).map(allocate).fold(allocate(0), |best, next| if next.0 < best.0 { next } else { best });
+    collect(&decks, &best.1, &best.2)
+}
+
+/// How many cards each band gets if the largest keys of all bands are sent.
+fn merge(decks: &[Deck], modes: &[usize], budget: &Budget) -> Vec<usize> {
+    let hands: Vec<&Hand> = decks.iter().zip(modes).map(|(deck, &mode)| &deck.hands[mode]).collect();
+    let mut dealt = vec![0; hands.len()];
+    for card in 0.. {
+        let next = (0..hands.len()).filter_map(|band| hands[band].cards.get(dealt[band]).map(|card| (band, card)));
+        let Some((band, _)) = next.min_by(|a, b| by_key(a.1, b.1)) else { break };
+        dealt[band] += 1;
+        let spent = || hands.iter().zip(&dealt).map(|(hand, &n)| hand.spent(n)).sum::<f64>();
+        if !affordable(budget, card + 1, spent) {
+            dealt[band] -= 1;
+            break;
+        }
+    }
+    dealt
+}
+
+fn collect(decks: &[Deck], modes: &[usize], dealt: &[usize]) -> Choice {
+    let mut sent = Vec::new();
+    for (deck, (&mode, &n)) in decks.iter().zip(modes.iter().zip(dealt)) {
+        sent.extend(deck.hands[mode].cards.iter().take(n).map(|card| card.candidate));
+    }
+    Choice { anew: modes.iter().map(|&mode| mode == 1).collect(), sent }
+}

@@ -1,0 +1,60 @@
+//! Low bands first: per-band incremental updates for spherical harmonics (Overbeck 2006, chapter 8 and Fig. 8.1).
+//!
+//! Each band is filled until its error is within the tolerance before the next one gets a term; once all bands are, the
+//! tolerance falls to a tenth and the lowest band is looked at again. That discourages terms from jumping between
+//! bands, which is what flickers.
+//!
+//! Fig. 8.1 as printed spends one term less than the budget, does not refresh a band's error as terms are given to it,
+//! and would zero every band that gets none. Here the budget is spent, the error is what is left of the band, and every
+//! band is incremental: one that gets no term keeps its values. The tolerance is relative to the light's own norm, so
+//! that a brighter light chooses the same columns.
+
+use super::approximation::Choice;
+use super::frame::Frame;
+use super::select::{self, Budget, Largest};
+
+/// Passes before the tolerance is taken as zero: a tenth each, down to the precision of f64.
+const PASSES: i32 = 16;
+
+pub(super) fn choose(frame: &Frame, budget: &Budget, tolerance: f64) -> Choice {
+    let anew = vec![false; frame.bands.count()];
+    let mut sent = order(frame, tolerance);
+    sent.truncate(select::prefix(frame, &anew, budget, &sent));
+    Choice { anew, sent }
+}
+
+/// All candidates that changed, in the order in which Fig. 8.1 hands them out.
+fn order(frame: &Frame, tolerance: f64) -> Vec<u32> {
+    let light: f64 = (0..frame.bands.count()).map(|band| frame.keys(band, true).iter().sum::<f64>()).sum();
+    let bands: Vec<_> = (0..frame.bands.count()).map(|band| falling(frame, band)).collect();
+    let mut given = vec![0; bands.len()];
+    let mut order = Vec::new();
+    for pass in 0..=PASSES {
+        let tolerance = if pass < PASSES { tolerance * light * 0.1_f64.powi(pass) } else { 0.0 };
+        for (given, band) in given.iter_mut().zip(&bands) {
+            while let Some((_, candidate)) = band.get(*given).filter(|(error, _)| *error > tolerance) {
+                order.push(*candidate);
+                *given += 1;
+            }
+        }
+    }
+    order
+}
+
+/// A band's candidates, largest first, each with the band's error before it is sent.
+fn falling(frame: &Frame, band: usize) -> Vec<(f64, u32)> {
+    let mut largest = Largest::new(usize::MAX);
+    largest.offer(frame.range(band).start, frame.keys(band, false));
+    let mut error = 0.0;
+    let mut falling: Vec<(f64, u32)> = largest
+        .sorted()
+        .into_iter()
+        .rev()
+        .map(|card| {
+            error += card.key;
+            (error, card.candidate)
+        })
+        .collect();
+    falling.reverse();
+    falling
+}
