@@ -8,20 +8,15 @@ from __future__ import annotations
 import operator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
+from .environment import Environment
 
 __all__ = ["Columns", "Haar", "SphericalHarmonics", "parse"]
-
-
-class Radiance(Protocol):
-    """What can be projected: an `Environment`."""
-
-    def cubemap(self, size: int, /) -> NDArray[np.float32]: ...
 
 
 @dataclass(frozen=True)
@@ -76,7 +71,7 @@ class Haar:
         """Texels under the support of every column: (columns,) float64, read-only."""
         return _read_only(_core.column_bands(str(self))[1])
 
-    def coefficients(self, env: Radiance) -> NDArray[np.float64]:
+    def coefficients(self, env: Environment) -> NDArray[np.float64]:
         """V: what the environment's radiance is in these columns.
 
         Returns

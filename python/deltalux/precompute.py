@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from . import _core
-from .columns import Columns, Haar, parse
+from .columns import Columns, parse
 from .plan import QUALITIES, Plan, Quality, check_room, make_plan
 from .progress import Progress, reporter
 from .scene import Scene
@@ -41,7 +41,7 @@ def _columns(columns: Columns | str) -> Columns:
 
 
 def plan(
-    scene: Scene, *, columns: Columns | str = Haar(64), quality: str = "publication", tolerance: float | None = None
+    scene: Scene, *, columns: Columns | str = "haar:64", quality: str = "publication", tolerance: float | None = None
 ) -> Plan:
     """What `precompute` would compute and leave out, and about what it would cost; shoots no ray."""
     return make_plan(scene, _columns(columns), quality, _settings(quality, tolerance))
@@ -52,7 +52,7 @@ def precompute(
     path: str | os.PathLike[str],
     *,
     receivers: str = "pixels",
-    columns: Columns | str = Haar(64),
+    columns: Columns | str = "haar:64",
     quality: str = "publication",
     tolerance: float | None = None,
     progress: bool | Progress = True,
@@ -99,90 +99,102 @@ def precompute(
 
     job = {"scene": scene.content_hash(), "columns": str(columns), "version": _core.__version__, **asdict(settings)}
     writer = _core.TransportWriter(path, json.dumps(job, sort_keys=True))
-    return _run(scene, path, columns, settings, drawn, writer, progress)
-
-
-def _run(
-    scene: Scene,
-    path: Path,
-    columns: Columns,
-    settings: Quality,
-    drawn: Plan,
-    writer: _core.TransportWriter,
-    progress: bool | Progress,
-) -> Transport:
-    camera = scene.camera
-    right, up, forward = camera.basis()
-    core = _core.Scene(scene.vertices, scene.triangles, scene.material)
-    rows = core.receivers(
-        position=tuple(camera.position),
-        right=tuple(right),
-        up=tuple(up),
-        forward=tuple(forward),
-        half_height=float(np.tan(np.radians(camera.vertical_fov) / 2)),
-        width=camera.width,
-        height=camera.height,
-        edges=settings.edges,
-    )
-    count = len(rows)
-    if count == 0:
-        raise ValueError(f"the camera sees nothing of {scene.name}: no pixel shows a surface")
-
-    tell = reporter(progress, scene.name)
-    direct = _core.DirectPass(core, rows, columns=str(columns), edge_side=settings.edge_side)
-    stored = {"quantum": _QUANTUM, "width": settings.width}
-    survey_rows = min(_SURVEY * 64, count)
-    total = survey_rows + count
-    threshold, error, _, audit_groups, audit = direct.survey(
-        _SURVEY, tolerance=settings.tolerance, progress=lambda done: tell(done, total), **stored
-    )
-
-    rays = [0, 0]
-    tiles = -(-count // _TILE_ROWS)
-    finished = set(writer.finished())
-    for shard in range(-(-tiles // writer.TILES_PER_SHARD)):
-        first = shard * writer.TILES_PER_SHARD
-        made = []
-        for tile in range(first, min(first + writer.TILES_PER_SHARD, tiles)):
-            start = tile * _TILE_ROWS
-            size = min(_TILE_ROWS, count - start)
-            if shard not in finished:
-                data, first_rays, edge_rays = direct.tile(
-                    start,
-                    size,
-                    threshold=threshold,
-                    progress=lambda done, start=start: tell(survey_rows + start + done, total),
-                    **stored,
-                )
-                made.append(data)
-                rays = [rays[0] + first_rays, rays[1] + edge_rays]
-            tell(survey_rows + start + size, total)
-        if made:
-            writer.write_shard(shard, made)
-
-    done = replace(
-        drawn,
-        rows=count,
-        left_out=[*drawn.left_out, f"{int((rows.background == 1).sum()):,} pixels of background"],
-        notes=[*drawn.notes, f"truncation: {100 * error:.3g} % expected image error at a threshold of {threshold:.3g}"],
-    )
-    source, barycentric = rows.triangle, rows.barycentric
-    writer.finish(
-        columns=str(columns),
-        rows=count,
-        tile_rows=_TILE_ROWS,
-        image=(camera.height, camera.width),
-        camera=json.dumps(asdict(camera)),
-        plan=done.to_json(),
-        scene=scene.content_hash(),
-        pixel=rows.pixel,
-        weight=rows.weight,
-        albedo=scene.albedo_at(source, barycentric),
-        position=rows.position,
-        normal=rows.normal,
-        background=rows.background,
-        material=scene.material[source].astype(np.uint16),
-        audit=(audit_groups, audit) if len(audit_groups) else None,
-        **stored,
-    )
+    run = _Run(scene, columns, settings, writer, reporter(progress, scene.name))
+    error, threshold = run.trace()
+    run.finish(drawn, error, threshold)
     return Transport.open(path)
+
+
+class _Run:
+    """One precomputation: find the receivers, look at some of them, then trace tile after tile."""
+
+    def __init__(
+        self, scene: Scene, columns: Columns, settings: Quality, writer: _core.TransportWriter, tell: Progress
+    ) -> None:
+        self.scene, self.columns, self.settings, self.writer, self.tell = scene, columns, settings, writer, tell
+        camera = scene.camera
+        right, up, forward = camera.basis()
+        core = _core.Scene(scene.vertices, scene.triangles, scene.material)
+        self.rows = core.receivers(
+            position=tuple(camera.position),
+            right=tuple(right),
+            up=tuple(up),
+            forward=tuple(forward),
+            half_height=float(np.tan(np.radians(camera.vertical_fov) / 2)),
+            width=camera.width,
+            height=camera.height,
+            edges=settings.edges,
+        )
+        self.count = len(self.rows)
+        if self.count == 0:
+            raise ValueError(f"the camera sees nothing of {scene.name}: no pixel shows a surface")
+        self.direct = _core.DirectPass(core, self.rows, columns=str(columns), edge_side=settings.edge_side)
+
+    def trace(self) -> tuple[float, float]:
+        """Writes every shard that is not there yet; returns the expected error and the threshold that gives it."""
+        looked = min(_SURVEY * 64, self.count)
+        total = looked + self.count
+        threshold, error, _, groups, tile = self.direct.survey(
+            _SURVEY,
+            tolerance=self.settings.tolerance,
+            quantum=_QUANTUM,
+            width=self.settings.width,
+            progress=lambda done: self.tell(done, total),
+        )
+        self.audit = (groups, tile)
+        tiles = -(-self.count // _TILE_ROWS)
+        per_shard = self.writer.TILES_PER_SHARD
+        finished = set(self.writer.finished())
+        for shard in range(-(-tiles // per_shard)):
+            numbers = range(shard * per_shard, min((shard + 1) * per_shard, tiles))
+            if shard not in finished:
+                self.writer.write_shard(shard, [self._tile(tile, threshold, looked, total) for tile in numbers])
+            self.tell(looked + min(numbers.stop * _TILE_ROWS, self.count), total)
+        return error, threshold
+
+    def _tile(self, tile: int, threshold: float, looked: int, total: int) -> _core.TileData:
+        first = tile * _TILE_ROWS
+
+        def tell(done: int) -> None:
+            self.tell(looked + first + done, total)
+
+        data, _, _ = self.direct.tile(
+            first,
+            min(_TILE_ROWS, self.count - first),
+            threshold=threshold,
+            quantum=_QUANTUM,
+            width=self.settings.width,
+            progress=tell,
+        )
+        return data
+
+    def finish(self, drawn: Plan, error: float, threshold: float) -> None:
+        """Writes what turns rows into pictures, and what was done and left out."""
+        scene, camera, rows = self.scene, self.scene.camera, self.rows
+        behind = int((rows.background == 1).sum())
+        done = replace(
+            drawn,
+            rows=self.count,
+            left_out=[*drawn.left_out, f"{behind:,} pixels of background"],
+            notes=[*drawn.notes, f"truncated at {threshold:.3g}: {100 * error:.3g} % expected image error"],
+        )
+        groups, tile = self.audit
+        self.writer.finish(
+            columns=str(self.columns),
+            rows=self.count,
+            quantum=_QUANTUM,
+            width=self.settings.width,
+            tile_rows=_TILE_ROWS,
+            image=(camera.height, camera.width),
+            camera=json.dumps(asdict(camera)),
+            plan=done.to_json(),
+            scene=scene.content_hash(),
+            pixel=rows.pixel,
+            weight=rows.weight,
+            albedo=scene.albedo_at(rows.triangle, rows.barycentric),
+            position=rows.position,
+            normal=rows.normal,
+            background=rows.background,
+            material=scene.material[rows.triangle].astype(np.uint16),
+            audit=(groups, tile) if len(groups) else None,
+        )

@@ -40,7 +40,8 @@ class _Bar:
         share = done / total if total else 1.0
         left = elapsed / share - elapsed if share > 0 else float("nan")
         bar = "#" * round(24 * share)
-        text = f"{self._what} [{bar:<24}] {100 * share:3.0f} %  {elapsed:4.0f} s" + (f", {left:.0f} s left" if share < 1 else "")
+        text = f"{self._what} [{bar:<24}] {100 * share:3.0f} %  {elapsed:4.0f} s"
+        text += f", {left:.0f} s left" if share < 1 else ""
         self._open = not last
         end = "" if self._stream.isatty() and not last else "\n"
         start = "\r" if self._stream.isatty() else ""

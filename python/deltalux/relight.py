@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _core
 from .approximation import settings
 from .environment import Environment
-from .methods import Full, Method, Nonlinear
+from .methods import Method
 from .transport import Transport
 
 __all__ = ["Frame", "Relighter"]
@@ -83,7 +83,6 @@ class Relighter:
             raise ValueError(f'expected initial="full", "nonlinear" or None, got {initial!r}')
         self.transport = transport
         self.method = method
-        self._first = initial
         core = transport._core
         kept = core.kept()
         chosen = settings(

@@ -179,7 +179,8 @@ class Transport:
             padded[: len(columns)] = columns
             product = self._core.multiply(np.ascontiguousarray(padded.reshape(-1, 3, self.shape[1]).swapaxes(1, 2)))
             flat = product.swapaxes(1, 2).reshape(-1, self.shape[0])[: len(columns)].T
-            return flat.astype(np.float64).reshape((self.shape[0], *np.shape(x)[1:]))
+            response: NDArray[np.float64] = np.asarray(flat, np.float64).reshape((self.shape[0], *np.shape(x)[1:]))
+            return response
 
         def backward(y: NDArray[Any]) -> NDArray[np.float64]:
             stacked = np.ascontiguousarray(np.asarray(y, np.float64).reshape(self.shape[0], -1))

@@ -6,10 +6,7 @@ use crate::error::{Error, Result};
 use crate::transport::{Tile, TransportMatrix};
 
 use super::grid::{Grid, RowNorm, light_norm, power_of_two};
-use super::kernel::{Engine, Marks, Move, Sums, Target};
-
-/// Most columns of a whole product are nearly empty.
-type WideMarks = Marks<4>;
+use super::kernel::{Engine, Move, Scratch, Sums, Target, batches};
 
 /// Lights whose sums of a tile are held at once: they share the cache.
 const TOGETHER: usize = 4;
@@ -23,7 +20,7 @@ pub fn multiply(matrix: &TransportMatrix, rows: RowNorm, lights: &[&[[f64; 3]]],
         .map(|light| Ok(Grid::for_light(light_norm(light), rows, 1)?.quantise_all(light)))
         .collect::<Result<Vec<_>>>()?;
     let gridded: Vec<&[[f64; 3]]> = gridded.iter().map(|light| &light[..]).collect();
-    multiply_gridded(matrix, &gridded, Engine::detect(), out)
+    multiply_gridded(matrix, &gridded, Engine::Native, out)
 }
 
 /// `multiply` for coefficients that lie on a grid already, and are used as they are.
@@ -49,37 +46,38 @@ pub fn multiply_gridded(
         return Ok(());
     }
     for (lights, out) in lights.chunks(TOGETHER).zip(out.chunks_mut(TOGETHER * matrix.rows * 3)) {
-        let moves: Vec<Vec<Move>> = lights.iter().map(|light| moves(matrix, light)).collect();
+        let moves = moves(matrix, lights);
         // Tile by tile, the rows of each image.
         let mut rows: Vec<Vec<&mut [f32]>> = matrix.tiles.iter().map(|_| Vec::new()).collect();
         for image in out.chunks_mut(matrix.rows * 3) {
             image.chunks_mut(matrix.tile_rows * 3).zip(&mut rows).for_each(|(part, rows)| rows.push(part));
         }
-        matrix.tiles.par_iter().zip(rows).for_each_init(WideMarks::default, |marks, (tile, rows)| {
-            multiply_tile(engine, tile, &moves, marks, rows);
+        matrix.tiles.par_iter().zip(rows).for_each_init(Scratch::default, |scratch, (tile, rows)| {
+            multiply_tile(engine, tile, &moves, scratch, rows);
         });
     }
     Ok(())
 }
 
-/// The columns that some light needs.
-fn moves(matrix: &TransportMatrix, light: &[[f64; 3]]) -> Vec<Move> {
+/// The changes of each light, for the columns that some light needs: the same for all, so that batches are the same.
+fn moves(matrix: &TransportMatrix, lights: &[&[[f64; 3]]]) -> Vec<Vec<Move>> {
     let unit = power_of_two(matrix.quantum);
+    let needed = |column: &usize| lights.iter().any(|light| light[*column] != [0.0; 3]);
+    let columns: Vec<usize> = (0..matrix.bands.columns()).filter(needed).collect();
     let moved =
-        |(column, &change): (usize, &[f64; 3])| Move { column: column as u32, change: change.map(|x| x * unit) };
-    light.iter().enumerate().filter(|(_, change)| **change != [0.0; 3]).map(moved).collect()
+        |light: &[[f64; 3]], column: usize| Move { column: column as u32, change: light[column].map(|x| x * unit) };
+    lights.iter().map(|light| columns.iter().map(|&column| moved(light, column)).collect()).collect()
 }
 
 /// All lights' products with a tile: batch by batch of columns, so that each is read from memory once.
-fn multiply_tile(engine: Engine, tile: &Tile, moves: &[Vec<Move>], marks: &mut WideMarks, mut rows: Vec<&mut [f32]>) {
+fn multiply_tile(engine: Engine, tile: &Tile, moves: &[Vec<Move>], scratch: &mut Scratch, rows: Vec<&mut [f32]>) {
+    let mut rows: Vec<Option<&mut [f32]>> = rows.into_iter().map(Some).collect();
     let mut sums = vec![vec![Sums::ZERO; tile.groups()]; moves.len()];
-    let batches = moves.iter().map(|moves| moves.len().div_ceil(WideMarks::BATCH)).max().unwrap_or(0).max(1);
-    for batch in 0..batches {
+    for batch in batches(tile, &moves[0]) {
+        let last = batch.moves.end == moves[0].len();
         for ((moves, sums), rows) in moves.iter().zip(&mut sums).zip(&mut rows) {
-            let end = moves.len().min((batch + 1) * WideMarks::BATCH);
-            let start = end.min(batch * WideMarks::BATCH);
-            let out = (batch + 1 == batches).then_some(&mut **rows);
-            engine.walk(tile, &moves[start..end], marks, Target { sums, afresh: false, out });
+            let out = rows.take_if(|_| last);
+            engine.walk(tile, &batch, moves, scratch, Target { sums, afresh: false, out });
         }
     }
 }

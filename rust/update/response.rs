@@ -14,7 +14,7 @@ use crate::transport::TransportMatrix;
 
 use super::change::{Term, Update};
 use super::grid::power_of_two;
-use super::kernel::{Engine, Marks, Move, Sums, Target};
+use super::kernel::{Engine, Move, Scratch, Sums, Target, batches};
 
 /// B for one follower of the light.
 pub struct Response {
@@ -25,13 +25,10 @@ pub struct Response {
     tiles: Vec<Vec<Sums>>,
 }
 
-/// One word of marks: a frame has few terms, and most of them are columns that touch many groups.
-type FrameMarks = Marks<1>;
-
 impl Response {
     /// The response to V = 0.
     pub fn new(matrix: &TransportMatrix) -> Response {
-        Response::with_engine(matrix, Engine::detect())
+        Response::with_engine(matrix, Engine::Native)
     }
 
     /// `new`, with the kernel named: for tests and benchmarks.
@@ -75,14 +72,12 @@ impl Response {
             .par_iter()
             .zip(&mut self.tiles)
             .zip(out.par_chunks_mut(3 * matrix.tile_rows.max(1)))
-            .for_each_init(FrameMarks::default, |marks, ((tile, sums), out)| {
+            .for_each_init(Scratch::default, |scratch, ((tile, sums), out)| {
                 let mut out = Some(out);
-                let batches = moves.len().div_ceil(FrameMarks::BATCH).max(1);
-                for batch in 0..batches {
-                    let start = batch * FrameMarks::BATCH;
-                    let end = moves.len().min(start + FrameMarks::BATCH);
-                    let out = out.take_if(|_| batch + 1 == batches);
-                    engine.walk(tile, &moves[start..end], marks, Target { sums, afresh: afresh && batch == 0, out });
+                for batch in batches(tile, &moves) {
+                    let out = out.take_if(|_| batch.moves.end == moves.len());
+                    let afresh = afresh && batch.moves.start == 0;
+                    engine.walk(tile, &batch, &moves, scratch, Target { sums, afresh, out });
                 }
             });
         Ok(())

@@ -1,8 +1,9 @@
 //! The walk with AVX2: twelve registers hold a group's sums.
 
 use std::arch::x86_64::*;
+use std::ops::Range;
 
-use super::{Columns, Integer, Marks, Move, POWERS, Spread, Sums, Target, WORD, portable};
+use super::{Columns, Integer, Item, MARKED, Marks, Move, POWERS, Sorted, Spread, Sums, Target, portable};
 use crate::transport::tile::{GROUP, GROUP_BITS};
 
 /// A group's sums in registers: `[colour][quarter]`.
@@ -11,37 +12,56 @@ type Registers = [[__m256d; 4]; 3];
 /// How many entries ahead a column is fetched: more streams than the hardware's own prefetcher follows.
 const AHEAD: usize = 32;
 
+/// Whether this processor has what the code below needs.
+pub(super) fn available() -> bool {
+    is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma") && is_x86_feature_detected!("bmi1")
+}
+
 /// # Safety
-/// The processor must have AVX2, FMA and BMI1.
+/// `available()`.
 #[target_feature(enable = "avx2,fma,bmi1")]
-pub(super) unsafe fn walk<T: Integer, const WORDS: usize>(
+pub(super) unsafe fn walk_marked<T: Integer>(
     columns: &Columns<'_, T>,
     moves: &[Move],
-    marks: &mut Marks<WORDS>,
+    marks: &mut Marks,
     mut target: Target<'_>,
 ) {
-    marks.set(columns.starts, columns.words, moves, |entry| {
+    marks.set(columns, moves, |entry| {
         fetch(columns.words.as_ptr().wrapping_add(entry));
         fetch(columns.lanes.as_ptr().wrapping_add(entry));
     });
-    // One length for both, so that one check serves both.
-    let words = columns.words;
-    let lanes = &columns.lanes[..words.len()];
     for (group, sums) in target.sums.iter_mut().enumerate() {
-        let marked = std::mem::replace(&mut marks.groups[group], [0; WORDS]);
         if target.afresh {
             *sums = Sums::ZERO;
         }
-        for (word, &bits) in marked.iter().enumerate().filter(|(_, bits)| **bits != 0) {
-            add(sums, words, lanes, &marks.changes[word], &mut marks.cursors[word], bits);
+        let bits = std::mem::take(&mut marks.groups[group]);
+        if bits != 0 {
+            add_marked(sums, columns.words, columns.lanes, &marks.changes, &mut marks.cursors, bits);
         }
-        if let Some(out) = &mut target.out {
-            let first = group * 3 * GROUP;
-            match out.get_mut(first..first + 3 * GROUP) {
-                Some(rows) => publish(sums, rows),
-                None => portable::publish(sums, &mut out[first..]),
-            }
+        publish_to(&mut target.out, group, sums);
+    }
+}
+
+/// # Safety
+/// `available()`.
+#[target_feature(enable = "avx2,fma,bmi1")]
+pub(super) unsafe fn walk_sorted<T: Integer>(
+    columns: &Columns<'_, T>,
+    moves: &[Move],
+    sorted: &mut Sorted,
+    mut target: Target<'_>,
+) {
+    sorted.set(columns, moves);
+    let mut from = 0;
+    for (group, sums) in target.sums.iter_mut().enumerate() {
+        if target.afresh {
+            *sums = Sums::ZERO;
         }
+        let items = sorted.group(group, &mut from);
+        if !items.is_empty() {
+            add_sorted(sums, columns.words, columns.lanes, moves, &sorted.items, items);
+        }
+        publish_to(&mut target.out, group, sums);
     }
 }
 
@@ -71,20 +91,20 @@ fn store(sums: &mut Sums, registers: &Registers) {
     }
 }
 
-/// Adds the moves in `bits` that touch the group the cursors stand at.
+/// Adds the moves in `bits`, each with the entry its cursor stands at.
 ///
 /// PERF: kept out of line, where its sixteen registers are its own; inlined, five of them were spilled.
 #[inline(never)]
 #[target_feature(enable = "avx2,fma,bmi1")]
-fn add<T: Integer>(
+fn add_marked<T: Integer>(
     sums: &mut Sums,
     words: &[u16],
     lanes: &[[T; GROUP]],
-    changes: &[Spread; WORD],
-    cursors: &mut [u32; WORD],
+    changes: &[Spread; MARKED],
+    cursors: &mut [u32; MARKED],
     mut bits: u64,
 ) {
-    let [mut red, mut green, mut blue] = load(sums);
+    let mut registers = load(sums);
     while bits != 0 {
         let bit = bits.trailing_zeros() as usize;
         bits &= bits - 1;
@@ -92,19 +112,63 @@ fn add<T: Integer>(
         cursors[bit] += 1;
         let power = _mm256_set1_pd(POWERS[(words[entry] >> GROUP_BITS) as usize]);
         // SAFETY: a change is spread over four lanes.
-        let [r, g, b] =
-            [0, 1, 2].map(|k: usize| unsafe { _mm256_mul_pd(_mm256_loadu_pd(changes[bit][k].as_ptr()), power) });
+        let change = [0, 1, 2].map(|k: usize| unsafe { _mm256_loadu_pd(changes[bit][k].as_ptr()) });
         let lanes = &lanes[entry];
         fetch((lanes as *const [T; GROUP]).wrapping_add(AHEAD));
-        for k in 0..4 {
-            // SAFETY: the features are those of this function.
-            let values = unsafe { T::four(lanes, 4 * k) };
-            red[k] = _mm256_fmadd_pd(values, r, red[k]);
-            green[k] = _mm256_fmadd_pd(values, g, green[k]);
-            blue[k] = _mm256_fmadd_pd(values, b, blue[k]);
+        add_entry(&mut registers, lanes, change.map(|change| _mm256_mul_pd(change, power)));
+    }
+    store(sums, &registers);
+}
+
+/// Adds the entries `items[which]`; those that follow belong to the next groups, and are fetched.
+#[inline(never)]
+#[target_feature(enable = "avx2,fma,bmi1")]
+fn add_sorted<T: Integer>(
+    sums: &mut Sums,
+    words: &[u16],
+    lanes: &[[T; GROUP]],
+    moves: &[Move],
+    items: &[Item],
+    which: Range<usize>,
+) {
+    let mut registers = load(sums);
+    for k in which {
+        let Item { entry, moved } = items[k];
+        if let Some(later) = items.get(k + AHEAD) {
+            fetch(lanes.as_ptr().wrapping_add(later.entry as usize));
+        }
+        let power = POWERS[(words[entry as usize] >> GROUP_BITS) as usize];
+        let change = moves[moved as usize].change.map(|x| _mm256_set1_pd(x * power));
+        add_entry(&mut registers, &lanes[entry as usize], change);
+    }
+    store(sums, &registers);
+}
+
+/// Sixteen values times a change in three colours.
+#[inline]
+#[target_feature(enable = "avx2,fma,bmi1")]
+fn add_entry<T: Integer>(registers: &mut Registers, lanes: &[T; GROUP], change: [__m256d; 3]) {
+    let [red, green, blue] = registers;
+    for (k, ((red, green), blue)) in red.iter_mut().zip(green).zip(blue).enumerate() {
+        // SAFETY: the features are those of this function.
+        let values = unsafe { T::four(lanes, 4 * k) };
+        *red = _mm256_fmadd_pd(values, change[0], *red);
+        *green = _mm256_fmadd_pd(values, change[1], *green);
+        *blue = _mm256_fmadd_pd(values, change[2], *blue);
+    }
+}
+
+/// Writes a group's rows, where the walk is the frame's last.
+#[inline]
+#[target_feature(enable = "avx2,fma,bmi1")]
+fn publish_to(out: &mut Option<&mut [f32]>, group: usize, sums: &Sums) {
+    if let Some(out) = out {
+        let first = group * 3 * GROUP;
+        match out.get_mut(first..first + 3 * GROUP) {
+            Some(rows) => publish(sums, rows),
+            None => portable::publish(sums, &mut out[first..]),
         }
     }
-    store(sums, &[red, green, blue]);
 }
 
 /// Rounds a group's sums, once, into 16 rows of red, green, blue.

@@ -1,29 +1,42 @@
 //! The walk in plain Rust: for other processors, and the check of the vector code.
 
-use super::{Columns, Integer, Marks, Move, POWERS, Sums, Target, WORD};
+use super::{Columns, Integer, Marks, Move, POWERS, Sorted, Sums, Target};
 use crate::transport::tile::{GROUP, GROUP_BITS};
 
-pub(super) fn walk<T: Integer, const WORDS: usize>(
+pub(super) fn walk_marked<T: Integer>(columns: &Columns<'_, T>, moves: &[Move], marks: &mut Marks, target: Target<'_>) {
+    marks.set(columns, moves, |_| ());
+    walk(target, |group, sums| {
+        let mut bits = std::mem::take(&mut marks.groups[group]);
+        while bits != 0 {
+            let bit = bits.trailing_zeros() as usize;
+            bits &= bits - 1;
+            add(sums, columns, &moves[bit], marks.cursors[bit] as usize);
+            marks.cursors[bit] += 1;
+        }
+    });
+}
+
+pub(super) fn walk_sorted<T: Integer>(
     columns: &Columns<'_, T>,
     moves: &[Move],
-    marks: &mut Marks<WORDS>,
-    mut target: Target<'_>,
+    sorted: &mut Sorted,
+    target: Target<'_>,
 ) {
-    marks.set(columns.starts, columns.words, moves, |_| ());
+    sorted.set(columns, moves);
+    let mut from = 0;
+    walk(target, |group, sums| {
+        for item in &sorted.items[sorted.group(group, &mut from)] {
+            add(sums, columns, &moves[item.moved as usize], item.entry as usize);
+        }
+    });
+}
+
+fn walk(mut target: Target<'_>, mut add_group: impl FnMut(usize, &mut Sums)) {
     for (group, sums) in target.sums.iter_mut().enumerate() {
         if target.afresh {
             *sums = Sums::ZERO;
         }
-        for word in 0..WORDS {
-            let mut bits = std::mem::take(&mut marks.groups[group][word]);
-            while bits != 0 {
-                let bit = bits.trailing_zeros() as usize;
-                bits &= bits - 1;
-                let entry = marks.cursors[word][bit] as usize;
-                marks.cursors[word][bit] += 1;
-                add(sums, columns, &moves[word * WORD + bit], entry);
-            }
-        }
+        add_group(group, sums);
         if let Some(out) = &mut target.out {
             publish(sums, &mut out[group * 3 * GROUP..]);
         }
