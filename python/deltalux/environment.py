@@ -7,7 +7,7 @@ import operator
 import os
 import warnings
 from collections.abc import Sequence
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -141,7 +141,7 @@ class Environment:
         return self._of([(weight * factor, part, turn) for weight, part, turn in self._parts], self.name)
 
     def cubemap(self, size: int) -> NDArray[np.float32]:
-        """Radiance averaged over the texels of a cubemap with `size` x `size` texels a face, (6, size, size, 3) float32.
+        """Radiance averaged over a cubemap's texels, `size` x `size` a face: (6, size, size, 3) float32.
 
         Unrotated, the average is exact; rotated, it is interpolated with positive weights. Constants stay constant, and
         bright lights, however small, keep their flux under every rotation (``rust/light/environment.rs`` says how).
@@ -149,7 +149,8 @@ class Environment:
         size = operator.index(size)
         if not 1 <= size <= _LARGEST_FACE:
             raise ValueError(f"expected a cubemap face of 1 to {_LARGEST_FACE} texels, got {size}")
-        return _core.environment_cubemap(self._parts, size)
+        cubemap: NDArray[np.float32] = _core.environment_cubemap(self._parts, size)
+        return cubemap
 
     def radiance(self, directions: ArrayLike) -> NDArray[np.float32]:
         """Radiance from directions (..., 3) of any length, (..., 3) float32: what a camera sees behind the scene."""
@@ -160,10 +161,11 @@ class Environment:
         if not np.all(np.isfinite(length) & (length > 0)):
             raise ValueError("expected finite directions other than (0, 0, 0)")
         flat = np.ascontiguousarray((array / length).reshape(-1, 3))
-        return _core.environment_radiance(self._parts, flat).reshape(array.shape)
+        radiance: NDArray[np.float32] = _core.environment_radiance(self._parts, flat)
+        return radiance.reshape(array.shape)
 
 
-@lru_cache(maxsize=None)
+@cache
 def _builtin(name: str) -> Environment:
     """One map for all who ask: what is prepared for resampling is then shared as well."""
     if name not in skies.BUILTIN:
@@ -184,7 +186,7 @@ def _finite(pixels: NDArray[np.float32], repair: str | None, halves: bool = Fals
     """Refuse or, on request, blacken pixels that are not finite; warn of negative ones, which are kept."""
     if repair not in (None, "zero"):
         raise ValueError(f'expected repair=None or "zero", got {repair!r}')
-    bad = ~np.isfinite(pixels).all(axis=-1)
+    bad = np.asarray(~np.isfinite(pixels).all(axis=-1))
     if bad.any():
         first = np.argwhere(bad)[0]
         where = f"row {first[-2]}, column {first[-1]}" + (f" of face {first[0]}" if bad.ndim == 3 else "")
@@ -198,7 +200,8 @@ def _finite(pixels: NDArray[np.float32], repair: str | None, halves: bool = Fals
         pixels = np.where(bad[..., None], np.float32(0), pixels)
     negative = np.count_nonzero((pixels < 0).any(axis=-1))
     if negative:
-        warnings.warn(f"{negative} pixels are negative (ringing of compression or filters?); they are kept", stacklevel=3)
+        what = f"{negative} pixels are negative (ringing of compression or filters?)"
+        warnings.warn(f"{what}; they are kept", stacklevel=3)
     return pixels
 
 

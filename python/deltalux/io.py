@@ -78,15 +78,16 @@ def load_image(path: str | os.PathLike[str]) -> tuple[NDArray[np.float32], dict[
         pixels = image.read_image(0, 0, 0, spec.nchannels, "float")
         if pixels is None:
             raise FileError(f"{name}: truncated or damaged image ({_reason(image.geterror() or oiio.geterror())})")
-        metadata = {"format": str(spec.format), "channels": tuple(spec.channelnames), **_envmap(spec)}
+        number, names = str(spec.format), tuple(spec.channelnames)
+        metadata = {"format": number, "channels": names, **_envmap(spec)}
     except UnicodeDecodeError as error:
         raise FileError(f"{name}: truncated or damaged image (corrupt text)") from error
     finally:
         image.close()
         oiio.geterror()  # What is not collected is printed at exit.
 
-    pixels = _three_channels(np.asarray(pixels, np.float32), metadata["channels"])
-    if metadata["format"].startswith("uint"):
+    pixels = _three_channels(np.asarray(pixels, np.float32), names)
+    if number.startswith("uint"):
         pixels = _from_srgb(pixels)
     return np.ascontiguousarray(pixels), metadata
 
@@ -129,7 +130,7 @@ def to_display(image: ArrayLike, exposure: float = 0.0) -> NDArray[np.uint8]:
     linear = np.nan_to_num(np.asarray(image, np.float32) * np.float32(2.0**exposure), nan=0.0)
     linear = np.clip(linear, 0.0, 1.0)
     curve = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    return np.rint(255.0 * curve).astype(np.uint8)
+    return np.asarray(np.rint(255.0 * curve), np.uint8)
 
 
 def save_image(path: str | os.PathLike[str], image: ArrayLike, attributes: Mapping[str, Any] | None = None) -> None:

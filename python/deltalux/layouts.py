@@ -54,7 +54,8 @@ def recognise(width: int, height: int, envmap: str | None) -> str:
         if width * high == height * wide:
             return layout
     expected = "2:1 (latlong), 3:4 and 4:3 (crosses), 1:1 (angular), 6:1 and 1:6 (cube)"
-    raise ValueError(f"cannot recognise the layout of a {width}x{height} image: expected {expected}; name it by layout=")
+    found = f"cannot recognise the layout of a {width}x{height} image"
+    raise ValueError(f"{found}: expected {expected}; name it by layout=")
 
 
 def convert(image: Image, layout: str, envmap: str | None = None) -> Image:
@@ -73,7 +74,7 @@ def convert(image: Image, layout: str, envmap: str | None = None) -> Image:
 def _tiles(image: Image, columns: int, rows: int, layout: str) -> int:
     """The side of the square tiles that the image consists of."""
     height, width = image.shape[:2]
-    side = width // columns
+    side = int(width // columns)
     if side == 0 or (width, height) != (side * columns, side * rows):
         raise ValueError(f"expected {columns}x{rows} square tiles for layout {layout!r}, got {width}x{height} pixels")
     return side
@@ -89,7 +90,7 @@ def _turned(tile: Image, face: int, right: NDArray[np.int_], down: NDArray[np.in
         tile, right, down = tile.swapaxes(0, 1), down, right
     columns = (centres * (own_right @ right) + side - 1).ravel() // 2
     rows = (centres * (own_down @ down) + side - 1).ravel() // 2
-    return tile[rows[:, None], columns]
+    return np.asarray(tile[rows[:, None], columns])
 
 
 def _cross(image: Image, layout: str) -> Image:
@@ -140,7 +141,7 @@ def _bilinear(image: Image, row: NDArray[np.float64], column: NDArray[np.float64
     rows = [np.clip(top + k, 0, height - 1) for k in (0, 1)]
     columns = [np.clip(left + k, 0, width - 1) for k in (0, 1)]
     lines = [image[r, columns[0]] * (1 - u) + image[r, columns[1]] * u for r in rows]
-    return (lines[0] * (1 - v) + lines[1] * v).astype(np.float32)
+    return np.asarray(lines[0] * (1 - v) + lines[1] * v, np.float32)
 
 
 def face_directions(size: int) -> NDArray[np.float64]:
@@ -152,4 +153,4 @@ def face_directions(size: int) -> NDArray[np.float64]:
         + centres[None, :, None, None] * down[:, None, None, :]
         + out[:, None, None, :]
     )
-    return points / np.linalg.norm(points, axis=-1, keepdims=True)
+    return np.asarray(points / np.linalg.norm(points, axis=-1, keepdims=True))

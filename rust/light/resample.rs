@@ -118,12 +118,12 @@ impl Prepared {
     /// One row of target texels: each the mean of its quarters.
     #[inline(always)]
     fn add_base_any(&self, frame: &Frame, row: usize, scale: f32, texels: &mut [[f32; 3]]) {
+        let mut points = Points::new();
         for (chunk, texels) in texels.chunks_mut(CHUNK).enumerate() {
             let shares = &self.quarters[row * self.size + chunk * CHUNK..][..texels.len()];
             let mut sums = [[0.0f32; 4]; CHUNK];
             for half in 0..2 {
-                let points =
-                    Points::new(frame, 2 * self.size as i32, (2 * row + half) as i32, (2 * CHUNK * chunk) as i32);
+                points.fill(frame, 2 * self.size as i32, (2 * row + half) as i32, (2 * CHUNK * chunk) as i32);
                 for (k, (sum, shares)) in sums.iter_mut().zip(shares).enumerate() {
                     for side in 0..2 {
                         let value = self.look(&points, 2 * k + side);
@@ -145,19 +145,23 @@ impl Prepared {
             return fine;
         }
         let coarse = self.coarse.look(&points.coarse, k);
-        std::array::from_fn(|c| fine[c] * (1.0 - blend) + coarse[c] * blend)
+        std::array::from_fn(|c| mix(fine[c], coarse[c], blend))
     }
 }
 
 impl Points {
+    fn new() -> Self {
+        let places = || Places { first: [0; 2 * CHUNK], x: [0.0; 2 * CHUNK], y: [0.0; 2 * CHUNK] };
+        Points { fine: places(), coarse: places(), blend: [0.0; 2 * CHUNK] }
+    }
+
     /// The points of row `row` of a face of `size` quarters, from column `first` on (some may lie beyond the face).
     #[inline(always)]
-    fn new(frame: &Frame, size: i32, row: i32, first: i32) -> Self {
+    fn fill(&mut self, frame: &Frame, size: i32, row: i32, first: i32) {
         let [right, down, out] = frame;
         let centre = |k: i32| (2 * k + 1 - size) as f32 / size as f32;
         let t = centre(row);
         let start: [f32; 3] = std::array::from_fn(|axis| t * down[axis] + out[axis]);
-        let mut points = Points { fine: Places::new(), coarse: Places::new(), blend: [0.0; 2 * CHUNK] };
         for k in 0..2 * CHUNK {
             let s = centre(first + k as i32);
             let [x, y, z]: [f32; 3] = std::array::from_fn(|axis| start[axis] + s * right[axis]);
@@ -196,48 +200,39 @@ impl Points {
                 4
             }) + i32::from(major < 0.0);
             let (u, v) = (s * inverse * 0.5 + 0.5, t * inverse * 0.5 + 0.5);
-            points.fine.set(k, size, face, u, v);
-            points.coarse.set(k, size / 2, face, u, v);
+            self.fine.set(k, size, face, u, v);
+            self.coarse.set(k, size / 2, face, u, v);
 
             // A texel at distance r from the centre of the cube has the solid angle (2/n)^2 / r^3. The target's r is
             // |d|, the source's |d| / major: its texels are 1 / major^3 as large, a third at most in mean length.
-            points.blend[k] = (2.0 / 3.0 * (inverse * inverse - 1.0)).clamp(0.0, 1.0);
+            self.blend[k] = (inverse * inverse - 1.25).clamp(0.0, 1.0);
         }
-        points
     }
 }
 
 impl Places {
-    #[inline(always)]
-    fn new() -> Self {
-        Places { first: [0; 2 * CHUNK], x: [0.0; 2 * CHUNK], y: [0.0; 2 * CHUNK] }
-    }
-
     /// The point (u, v) in [0, 1] of a face in a level of `size` texels a side.
     #[inline(always)]
     fn set(&mut self, k: usize, size: i32, face: i32, u: f32, v: f32) {
         let side = size + 2;
         let (x, y) = (u * size as f32 + 0.5, v * size as f32 + 0.5);
-        let (left, top) = (floor(x).clamp(0.0, size as f32), floor(y).clamp(0.0, size as f32));
+        let (left, top) = (x.floor().clamp(0.0, size as f32), y.floor().clamp(0.0, size as f32));
         self.first[k] = ((face * side + integer(top)) * side + integer(left)) as u32;
         self.x[k] = x - left;
         self.y[k] = y - top;
     }
 }
 
-/// 2^23: f32 numbers from here on are integers, so that adding it rounds and leaves the integer in the low bits.
-const INTEGERS: f32 = 8_388_608.0;
-
-/// The integer below x, or, where x is one itself, perhaps the one before: for interpolation that is the same.
-#[inline(always)]
-fn floor(x: f32) -> f32 {
-    (x - 0.5 + INTEGERS) - INTEGERS
-}
-
-/// A whole number in 0..2^23 as an integer. (Conversions with `as` saturate, which costs more than the lookup.)
+/// A whole number in 0..2^23 as an integer: beside 2^23 it stands in the low bits. (`as` saturates, which costs more.)
 #[inline(always)]
 fn integer(x: f32) -> i32 {
-    (x + INTEGERS).to_bits() as i32 & 0x7f_ffff
+    (x + 8_388_608.0).to_bits() as i32 & 0x7f_ffff
+}
+
+/// `a` at f = 0, exactly; equal `a` and `b` exactly; never negative between numbers that are not.
+#[inline(always)]
+fn mix(a: f32, b: f32, f: f32) -> f32 {
+    a + (b - a) * f
 }
 
 impl Level {
@@ -259,8 +254,7 @@ impl Level {
         let (upper, lower) = (&self.texels[first..first + 2], &self.texels[first + side..first + side + 2]);
         let mut value = [0.0; 4];
         for c in 0..4 {
-            let line = |texels: &[[f32; 4]]| texels[0][c] * (1.0 - x) + texels[1][c] * x;
-            value[c] = line(upper) * (1.0 - y) + line(lower) * y;
+            value[c] = mix(mix(upper[0][c], upper[1][c], x), mix(lower[0][c], lower[1][c], x), y);
         }
         value
     }

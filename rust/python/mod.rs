@@ -1,9 +1,12 @@
 //! The boundary to Python: convert, check, detach, compute, convert back; nothing else. One file per floor.
 
+mod harmonics;
 mod interrupt;
-mod update;
-mod transport;
 mod light;
+mod relight;
+mod scene;
+mod transport;
+mod update;
 
 use pyo3::exceptions::{PyOSError, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
@@ -40,5 +43,8 @@ fn core_module(module: &Bound<'_, PyModule>) -> PyResult<()> {
     update::register(module)?;
     transport::register(module)?;
     light::register(module)?;
+    harmonics::register(module)?;
+    relight::register(module)?;
+    scene::register(module)?;
     Ok(())
 }

@@ -1,10 +1,11 @@
 //! The transport floor for Python: an opened M, a writer, and tiles that are passed from one to the other unseen.
 
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use numpy::{
-    IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods,
+    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
+    PyUntypedArrayMethods,
 };
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
@@ -14,7 +15,9 @@ use crate::error::{Error, Result};
 use crate::transport::manifest::{Manifest, TILES_PER_SHARD, width_name};
 use crate::transport::truncate::bf16;
 use crate::transport::{Audit, Dense, Description, ReceiverTable, Survey, Tile, TransportMatrix, Truncation, Values};
+use crate::relight::shade::{Rows, resolve};
 use crate::transport::{Width, Writer, open};
+use crate::update::{RowNorm, multiply};
 
 use super::{compute, interruptible};
 
@@ -47,6 +50,8 @@ impl TileData {
 #[pyclass(frozen, module = "deltalux._core")]
 pub(crate) struct Transport {
     pub(crate) matrix: Arc<TransportMatrix>,
+    /// What the grid of a product follows; found when it is first asked for.
+    row_norm: OnceLock<RowNorm>,
     /// What only a file has.
     file: Option<FileParts>,
 }
@@ -85,7 +90,7 @@ impl Transport {
     }
 }
 
-fn parse_width(text: &str) -> Result<Width> {
+pub(super) fn parse_width(text: &str) -> Result<Width> {
     match text {
         "i8" => Ok(Width::I8),
         "i16" => Ok(Width::I16),
@@ -102,7 +107,7 @@ impl Transport {
     fn open(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let opened = compute(py, || open(&path))?;
         let file = FileParts { manifest: opened.manifest, receivers: opened.receivers, audit: opened.audit };
-        Ok(Transport { matrix: Arc::new(opened.matrix), file: Some(file) })
+        Ok(Transport { matrix: Arc::new(opened.matrix), row_norm: OnceLock::new(), file: Some(file) })
     }
 
     /// Compresses a dense array (rows, columns) of float64 in memory.
@@ -125,7 +130,7 @@ impl Transport {
             let rule = Truncation::new(&space.bands(), threshold, quantum, width)?;
             dense.compress(space, &rule, tile_rows)
         })?;
-        Ok(Transport { matrix: Arc::new(matrix), file: None })
+        Ok(Transport { matrix: Arc::new(matrix), row_norm: OnceLock::new(), file: None })
     }
 
     #[getter]
@@ -317,7 +322,33 @@ impl Transport {
     fn audit(&self, py: Python<'_>) -> PyResult<Option<(Py<PyArray1<u32>>, Transport)>> {
         let Some(audit) = &self.file()?.audit else { return Ok(None) };
         let groups = PyArray1::from_slice(py, &audit.groups).unbind();
-        Ok(Some((groups, Transport { matrix: Arc::new(self.audit_matrix(audit)), file: None })))
+        Ok(Some((groups, Transport { matrix: Arc::new(self.audit_matrix(audit)), row_norm: OnceLock::new(), file: None })))
+    }
+
+    /// B = M V for (k, columns, 3) float64: (k, rows, 3) float32.
+    fn multiply<'py>(&self, py: Python<'py>, lights: PyReadonlyArray3<'py, f64>) -> PyResult<Bound<'py, PyArray3<f32>>> {
+        let (count, rows) = (lights.shape()[0], self.matrix.rows);
+        let per_light = 3 * self.matrix.bands.columns();
+        let flat = lights.as_slice()?;
+        let out = compute(py, || {
+            let lights: Vec<&[[f64; 3]]> = flat.chunks_exact(per_light).map(|light| light.as_chunks().0).collect();
+            let mut out = vec![0f32; count * rows * 3];
+            let row_norm = *self.row_norm.get_or_init(|| RowNorm::of(&self.matrix));
+            multiply(&self.matrix, row_norm, &lights, &mut out)?;
+            Ok(out)
+        })?;
+        out.into_pyarray(py).reshape([count, rows, 3])
+    }
+
+    /// The picture of a response (rows, 3): (height, width, 3) float32, black where no surface is seen.
+    fn image<'py>(&self, py: Python<'py>, values: PyReadonlyArray2<'py, f32>) -> PyResult<Bound<'py, PyArray3<f32>>> {
+        let file = self.file()?;
+        let [height, width] = file.manifest.image;
+        let values = values.as_slice()?;
+        let mut picture = vec![0f32; 3 * height * width];
+        let ReceiverTable { pixel, weight, albedo, .. } = &file.receivers;
+        py.detach(|| resolve(&Rows { pixel, weight, albedo }, values, &mut picture));
+        picture.into_pyarray(py).reshape([height, width, 3])
     }
 
     /// (threshold, expected relative L2 error, expected entries a group) for a tolerance, from the audit where there is
@@ -350,7 +381,7 @@ impl Transport {
     ) -> PyResult<Transport> {
         let rule = self.rule(threshold, width, quantum)?;
         let matrix = compute(py, || self.matrix.truncated(&rule))?;
-        Ok(Transport { matrix: Arc::new(matrix), file: None })
+        Ok(Transport { matrix: Arc::new(matrix), row_norm: OnceLock::new(), file: None })
     }
 
     /// Writes M under a coarser rule as a transport of its own, shard by shard, with the same receivers and audit.

@@ -1,7 +1,7 @@
 //! The light transport matrix M: tiles one above the other, and what can be asked of it.
 //!
-//! Multiplying by light, frame after frame, is `update/response.rs`; here is what is asked once: rows, norms, copies for
-//! other libraries, the transpose, a smaller version.
+//! Multiplying by light, frame after frame, is `update/response.rs`; here is what is asked once: rows, norms, copies
+//! for other libraries, the transpose, a smaller version.
 
 use rayon::prelude::*;
 
@@ -81,7 +81,8 @@ impl TransportMatrix {
         all
     }
 
-    /// M^T y for `y` of `rows` x `k`, as `columns` x `k`. Each sum runs down the rows: the same on any number of threads.
+    /// M^T y for `y` of `rows` x `k`, as `columns` x `k`. Each sum runs down the rows: the same on any number of
+    /// threads.
     pub fn transpose_multiply(&self, y: &[f64], k: usize) -> Vec<f64> {
         assert_eq!(y.len(), self.rows * k);
         let mut product = vec![0.0; self.bands.columns() * k];
@@ -135,7 +136,8 @@ impl TransportMatrix {
         })
     }
 
-    /// Calls `add(first row, 16 values, the column's k results)` for all entries, down each column; columns in parallel.
+    /// Calls `add(first row, 16 values, the column's k results)` for all entries, down each column; columns in
+    /// parallel.
     fn by_columns(&self, results: &mut [f64], k: usize, add: impl Fn(usize, &Lanes, &mut [f64]) + Sync) {
         results.par_chunks_mut((COLUMNS * k).max(1)).enumerate().for_each(|(chunk, results)| {
             for (number, tile) in self.tiles.iter().enumerate() {

@@ -57,7 +57,8 @@ impl<'a> Tensor<'a> {
     }
 }
 
-/// Writes arrays as `directory/name`: beside it first, synced, then renamed, so that the name only ever means a whole file.
+/// Writes arrays as `directory/name`: beside it first, synced, then renamed, so that the name only ever means a whole
+/// file.
 pub fn write_tensors(directory: &Path, name: &str, mut tensors: Vec<Tensor>) -> Result<FileEntry> {
     // Widest numbers first: each array then starts at a multiple of its own size.
     tensors.sort_by_key(|tensor| std::cmp::Reverse(tensor.dtype.bitsize()));
@@ -113,7 +114,8 @@ fn write_parts<'a>(path: &Path, parts: impl Iterator<Item = &'a [u8]>) -> std::i
     Ok((bytes, hash.digest()))
 }
 
-/// Makes renames in a directory survive a power failure. Where directories cannot be opened (Windows) they need no sync.
+/// Makes renames in a directory survive a power failure. Where directories cannot be opened (Windows) they need no
+/// sync.
 pub fn sync_directory(directory: &Path) -> std::io::Result<()> {
     if cfg!(unix) { File::open(directory)?.sync_all() } else { Ok(()) }
 }
@@ -204,7 +206,8 @@ fn map_file(path: &Path, entry: &FileEntry) -> Result<Mmap> {
     if bytes != entry.bytes {
         return Err(Error::file(path, format!("expected {} bytes, found {bytes}: truncated or altered", entry.bytes)));
     }
-    // SAFETY: a map is sound while nobody changes the file; files of a transport are replaced by rename, never rewritten.
+    // SAFETY: a map is sound while nobody changes the file; files of a transport are replaced by rename, never
+    // rewritten.
     unsafe { Mmap::map(&file) }.map_err(|source| Error::os(path, source))
 }
 

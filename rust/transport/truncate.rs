@@ -1,16 +1,18 @@
 //! Truncation: which entries of M are kept, to how many bits, and exactly how much each row loses.
 //!
-//! The unit is the entry of a tile: one column in 16 neighbouring rows, T_0j .. T_15j. It costs 18 bytes whether one lane
-//! matters or all do, so it is kept by what all lanes give together to the image under the light prior E[V_j^2] ~ area_j:
+//! The unit is the entry of a tile: one column in 16 neighbouring rows, T_0j .. T_15j. It costs 18 bytes whether one
+//! lane matters or all do, so it is kept by what all lanes give together to the image under the light prior E[V_j^2] ~
+//! area_j:
 //!
 //!     sum_l T_lj^2 * weight_b^2 >= threshold^2,    weight_b = sqrt(area of band b's columns)
 //!
 //! The scaling columns are always kept: without them rows no longer sum to the light they receive (the white furnace).
-//! What is kept is rounded to integers times 2^(quantum + shift), with the least shift that fits the width. What a row loses,
-//! by dropping and by rounding, is summed per band and stored rounded up: the bound |B - M V| <= sum_b dropped_b ||V_b|| holds.
+//! What is kept is rounded to integers times 2^(quantum + shift), with the least shift that fits the width. What a row
+//! loses, by dropping and by rounding, is summed per band and stored rounded up: the bound |B - M V| <= sum_b dropped_b
+//! ||V_b|| holds.
 //!
-//! Tried and left: a threshold per single entry (the other lanes are paid for anyway), a threshold on the error of each row
-//! (at equal bytes it doubles the error of the image).
+//! Tried and left: a threshold per single entry (the other lanes are paid for anyway), a threshold on the error of each
+//! row (at equal bytes it doubles the error of the image).
 
 use crate::basis::Bands;
 use crate::error::{Error, Result};
@@ -205,9 +207,9 @@ impl Norms {
     #[inline(always)]
     fn lose_rounding(&mut self, residual: &Lanes) {
         self.columns += 1;
-        for lane in 0..GROUP {
-            self.dropped[lane] += f64::from(residual[lane]) * f64::from(residual[lane]);
-            self.bits[lane] |= residual[lane].to_bits() & 0x7fff_ffff;
+        for (lane, &lost) in residual.iter().enumerate() {
+            self.dropped[lane] += f64::from(lost) * f64::from(lost);
+            self.bits[lane] |= lost.to_bits() & 0x7fff_ffff;
         }
     }
 

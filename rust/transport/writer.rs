@@ -1,8 +1,8 @@
 //! Writing a transport: shard by shard into a directory beside the target, published by rename when it is whole.
 //!
-//! `NAME.partial/` holds a run in progress: `job.json` (what is being computed, by its exact text), and for each finished
-//! shard its file and a small record with size and checksum. A run with the same job resumes from the intact shards; one
-//! with another job starts anew. `NAME` itself is only touched by the last two renames.
+//! `NAME.partial/` holds a run in progress: `job.json` (what is being computed, by its exact text), and for each
+//! finished shard its file and a small record with size and checksum. A run with the same job resumes from the intact
+//! shards; one with another job starts anew. `NAME` itself is only touched by the last two renames.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -103,7 +103,8 @@ impl Writer {
         Ok(bytes)
     }
 
-    /// Completes the run: receivers, audit, manifest, a full check of everything as a reader would see it, and publication.
+    /// Completes the run: receivers, audit, manifest, a full check of everything as a reader would see it, and
+    /// publication.
     pub fn finish(self, about: &Description, receivers: &ReceiverTable, audit: Option<&Audit>) -> Result<()> {
         let mut manifest = about.manifest(self.shards.values().cloned().collect())?;
         let expected = manifest.shards();
@@ -294,7 +295,8 @@ fn recover(target: &Path) -> Result<()> {
     }
 }
 
-/// Puts a complete directory in the target's place. Until the second rename the old result is whole, under one name or the other.
+/// Puts a complete directory in the target's place. Until the second rename the old result is whole, under one name or
+/// the other.
 fn publish(partial: &Path, target: &Path) -> Result<()> {
     check_replaceable(target)?;
     let old = sibling(target, ".old")?;

@@ -2,12 +2,23 @@
 
 pub mod approximation;
 mod band_test;
+pub mod bound;
 pub mod change;
 mod frame;
+pub mod grid;
 mod harmonic;
+pub mod kernel;
+pub mod multiply;
+pub mod response;
 mod select;
+pub mod updater;
 
 pub use approximation::{Approximation, Channels, Method, Norm, Settings};
 pub use band_test::BandTest;
+pub use bound::{BandNorms, Bound, band_norms, bound_rows};
 pub use change::{Term, Update};
+pub use grid::{Grid, RowNorm, light_norm};
+pub use multiply::multiply;
+pub use response::Response;
 pub use select::Budget;
+pub use updater::{Initial, Step, Updater};

@@ -7,13 +7,12 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-
 from deltalux import _core
 from deltalux.environment import Environment
 from deltalux.io import load_image, save_image, to_display
 from deltalux.layouts import face_directions
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 DATA = Path(__file__).parents[2] / "../shared/data/env"
 

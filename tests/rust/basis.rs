@@ -155,28 +155,3 @@ fn other_sizes_are_refused() {
         assert!(Haar::new(size).is_err());
     }
 }
-
-#[test]
-#[ignore]
-fn timing() {
-    let haar = Haar::new(64).unwrap();
-    let mut t = vec![[1.0f32; 16]; 4096];
-    let mut c = vec![[0.0f32; 16]; 24576];
-    let mut best = f64::MAX;
-    for _ in 0..200 {
-        let s = std::time::Instant::now();
-        for f in 0..6 {
-            haar.forward_face(f, &mut t, &mut c);
-        }
-        best = best.min(s.elapsed().as_secs_f64());
-    }
-    println!("16 lanes: {} us", best * 1e6);
-    let l = vec![[1.0f32; 3]; 24576];
-    best = f64::MAX;
-    for _ in 0..200 {
-        let s = std::time::Instant::now();
-        std::hint::black_box(haar.forward(&l));
-        best = best.min(s.elapsed().as_secs_f64());
-    }
-    println!("rgb: {} us", best * 1e6);
-}

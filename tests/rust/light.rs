@@ -234,35 +234,3 @@ fn bad_maps_are_refused() {
     assert!(EnvironmentMap::new(Layout::Cubemap { size: 2 }, vec![[0.0; 3]; 23]).is_err());
     assert!(EnvironmentMap::new(Layout::LatLong { width: 1, height: 1 }, vec![[0.0, f32::NAN, 0.0]]).is_err());
 }
-
-#[test]
-#[ignore]
-fn timing() {
-    let (width, height) = (1024, 512);
-    for smooth in [true, false] {
-        let mut r = 1u32;
-        let pixels = (0..width * height)
-            .map(|_| {
-                r = r.wrapping_mul(1664525).wrapping_add(1013904223);
-                [if smooth { 1.0 } else { ((r >> 16) as f32 / 6000.0).exp() }; 3]
-            })
-            .collect();
-        let map = EnvironmentMap::new(Layout::LatLong { width, height }, pixels).unwrap();
-        let s = std::time::Instant::now();
-        resampled(&map, 64, &IDENTITY);
-        println!("prepare {:?}", s.elapsed());
-        for threads in [1, 2] {
-            rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| {
-                let mut best = f64::MAX;
-                let mut radiance = vec![[0.0; 3]; 6 * 64 * 64];
-                for k in 0..200 {
-                    let rot = turn([0.0, 1.0, 0.3], k as f64 * 0.01);
-                    let s = std::time::Instant::now();
-                    map.resample(64, &rot, 1.0, &mut radiance);
-                    best = best.min(s.elapsed().as_secs_f64());
-                }
-                println!("{threads} threads: {:.1} us", best * 1e6);
-            });
-        }
-    }
-}

@@ -1,7 +1,9 @@
 //! The Rust suite: one module for each room of the house.
 mod update;
 
-mod basis;
-mod light;
-mod scene;
 mod transport;
+mod basis;
+mod scene;
+mod light;
+mod response;
+mod harmonics;

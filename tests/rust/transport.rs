@@ -10,8 +10,8 @@ use _core::transport::manifest::{FileEntry, MANIFEST, Manifest, TILES_PER_SHARD}
 use _core::transport::quantize::power_of_two;
 use _core::transport::truncate::compress_portable;
 use _core::transport::{
-    Audit, CompressedGroup, Dense, Description, GROUP, Lanes, Opened, ReceiverTable, TransportMatrix, Truncation, Values,
-    Width, Writer, bf16, bf16_up, compress_group, open, threshold_for,
+    Audit, CompressedGroup, Dense, Description, GROUP, Lanes, Opened, ReceiverTable, TransportMatrix, Truncation,
+    Values, Width, Writer, bf16, bf16_up, compress_group, open, threshold_for,
 };
 use proptest::prelude::*;
 
@@ -54,7 +54,10 @@ fn band_norms(a: &Dense, b: &Dense, space: ColumnSpace) -> Vec<f64> {
         let pairs = a.row(row)[bands.range(band)].iter().zip(&b.row(row)[bands.range(band)]);
         pairs.map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
     };
-    (0..a.rows).flat_map(|row| (0..bands.count()).map(move |band| (row, band))).map(|(row, band)| norm(row, band)).collect()
+    (0..a.rows)
+        .flat_map(|row| (0..bands.count()).map(move |band| (row, band)))
+        .map(|(row, band)| norm(row, band))
+        .collect()
 }
 
 fn stored_norms(matrix: &TransportMatrix, of: fn(&_core::transport::Tile) -> &[u16]) -> Vec<f64> {
@@ -203,7 +206,8 @@ proptest! {
     }
 }
 
-/// A row with one value v in a fine column (area 4 of haar:4 has weight 2 for 2x2 blocks): dropped from threshold 2|v| on.
+/// A row with one value v in a fine column (area 4 of haar:4 has weight 2 for 2x2 blocks): dropped from threshold 2|v|
+/// on.
 #[test]
 fn the_threshold_weighs_by_the_root_of_the_area() {
     let space = ColumnSpace::haar(4).unwrap();
@@ -237,7 +241,8 @@ fn coefficients_that_cannot_be_stored_are_refused() {
     }
 }
 
-// ---------------------------------------------------------------------------------------------------------------- files
+// ----------------------------------------------------------------------------------------------------------------
+// files
 
 /// A directory of its own, removed at the end.
 struct Scratch(PathBuf);
@@ -617,7 +622,9 @@ fn hostile_tiles_are_refused_with_a_reason() {
     let longer = header.replacen(&format!("[{entries}]"), "[18446744073709551615]", 1);
     let typed = header.replacen("\"U32\"", "\"F32\"", 1);
     let overlap = header.replacen("\"data_offsets\":[0,", "\"data_offsets\":[4,", 1);
-    for (forged, reason) in [(swap, "missing"), (longer, "not a tile file"), (typed, "F32"), (overlap, "not a tile file")] {
+    for (forged, reason) in
+        [(swap, "missing"), (longer, "not a tile file"), (typed, "F32"), (overlap, "not a tile file")]
+    {
         assert_ne!(forged, header);
         forge(&path, name, &join(&forged, &data));
         let message = refused(&path);

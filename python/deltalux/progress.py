@@ -1,0 +1,49 @@
+"""A progress bar for work that takes longer than a second, and the one signature that all progress has."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from typing import TextIO
+
+__all__ = ["Progress", "reporter"]
+
+Progress = Callable[[int, int], None]
+"""Called with (done, total); whatever it raises stops the work."""
+
+
+def reporter(progress: bool | Progress, what: str) -> Progress:
+    """The user's callback, a bar on standard error, or silence."""
+    if callable(progress):
+        return progress
+    return _Bar(what, sys.stderr) if progress else lambda done, total: None
+
+
+class _Bar:
+    """One line that is drawn over; nothing is drawn before the first second."""
+
+    def __init__(self, what: str, stream: TextIO) -> None:
+        self._what, self._stream = what, stream
+        self._started = self._drawn = time.monotonic()
+        self._open = False
+
+    def __call__(self, done: int, total: int) -> None:
+        now = time.monotonic()
+        elapsed = now - self._started
+        last = done >= total
+        # A pipe or a log gets a line every ten seconds instead of a moving bar.
+        pause = 0.1 if self._stream.isatty() else 10.0
+        if elapsed < 1.0 or (now - self._drawn < pause and not (last and self._open)):
+            return
+        self._drawn = now
+        share = done / total if total else 1.0
+        left = elapsed / share - elapsed if share > 0 else float("nan")
+        bar = "#" * round(24 * share)
+        text = f"{self._what} [{bar:<24}] {100 * share:3.0f} %  {elapsed:4.0f} s"
+        text += f", {left:.0f} s left" if share < 1 else ""
+        self._open = not last
+        end = "" if self._stream.isatty() and not last else "\n"
+        start = "\r" if self._stream.isatty() else ""
+        self._stream.write(f"{start}{text:<78}{end}")
+        self._stream.flush()

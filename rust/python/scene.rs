@@ -1,0 +1,231 @@
+//! The scene and precompute floors for Python: a scene's rays, its receivers, and the pass that makes tiles of M.
+
+use std::sync::Arc;
+
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+use crate::error::{Error, Result};
+use crate::precompute::DirectPass as Pass;
+use crate::scene::{Camera, Mesh, PixelSampling, Receivers as Rows, Tracer};
+use crate::transport::Truncation;
+
+use super::transport::{TileData, parse_width};
+use super::{compute, interruptible};
+
+/// A scene's triangles, ready for rays.
+#[pyclass(frozen, module = "deltalux._core")]
+pub(crate) struct Scene {
+    mesh: Mesh,
+    tracer: Arc<Tracer>,
+    material: Vec<u32>,
+}
+
+pub(super) fn vectors<T: numpy::Element + Copy>(name: &str, array: &PyReadonlyArray2<'_, T>) -> Result<Vec<[T; 3]>> {
+    let array = array.as_array();
+    if array.ncols() != 3 {
+        return Err(Error::input(format!("expected {name} of shape (n, 3), got {:?}", array.shape())));
+    }
+    Ok(array.rows().into_iter().map(|row| [row[0], row[1], row[2]]).collect())
+}
+
+fn rows_of<const N: usize>(py: Python<'_>, items: &[[f32; N]]) -> PyResult<Py<PyArray2<f32>>> {
+    Ok(PyArray1::from_slice(py, items.as_flattened()).reshape([items.len(), N])?.unbind())
+}
+
+#[pymethods]
+impl Scene {
+    /// vertices (v, 3) float64, triangles (t, 3) uint32, material (t,) uint32.
+    #[new]
+    fn new(
+        py: Python<'_>,
+        vertices: PyReadonlyArray2<'_, f64>,
+        triangles: PyReadonlyArray2<'_, u32>,
+        material: PyReadonlyArray1<'_, u32>,
+    ) -> PyResult<Self> {
+        let vertices = vectors("vertices", &vertices)?;
+        let triangles = vectors("triangles", &triangles)?;
+        let material: Vec<u32> = material.as_array().iter().copied().collect();
+        if material.len() != triangles.len() {
+            let (expected, found) = (triangles.len(), material.len());
+            return Err(PyValueError::new_err(format!("expected {expected} materials, one a triangle, got {found}")));
+        }
+        compute(py, || {
+            let mesh = Mesh::new(&vertices, &triangles)?;
+            let tracer = Arc::new(Tracer::new(&mesh));
+            Ok(Scene { mesh, tracer, material })
+        })
+    }
+
+    /// Bytes of the tree and its triangles.
+    #[getter]
+    fn nbytes(&self) -> usize {
+        self.tracer.nbytes()
+    }
+
+    /// Triangles without area, which nothing can hit.
+    #[getter]
+    fn degenerate(&self) -> usize {
+        self.mesh.degenerate
+    }
+
+    /// The rows of M for a camera: what each pixel shows. `edges` resolves pixels that show several surfaces.
+    #[pyo3(signature = (*, position, right, up, forward, half_height, width, height, edges))]
+    #[allow(clippy::too_many_arguments)]
+    fn receivers(
+        &self,
+        py: Python<'_>,
+        position: [f64; 3],
+        right: [f64; 3],
+        up: [f64; 3],
+        forward: [f64; 3],
+        half_height: f64,
+        width: usize,
+        height: usize,
+        edges: bool,
+    ) -> PyResult<Receivers> {
+        let camera = Camera { position, right, up, forward, half_height, width, height };
+        let sampling = if edges { PixelSampling::Edges } else { PixelSampling::Centre };
+        let rows = interruptible(py, None, |_| {
+            camera.check()?;
+            Ok(Rows::of_pixels(&self.mesh, &self.tracer, &self.material, &camera, sampling))
+        })?;
+        let source = rows.triangle.iter().map(|&triangle| self.mesh.source[triangle as usize]).collect();
+        let scale = 1.0 / self.mesh.scale;
+        let centre = self.mesh.centre;
+        let position = rows.origin.iter().map(|p| std::array::from_fn(|k| (f64::from(p[k]) * scale + centre[k]) as f32));
+        Ok(Receivers { position: position.collect(), source, rows: Arc::new(rows) })
+    }
+}
+
+/// Rows of M: pixel samples on surfaces.
+#[pyclass(frozen, module = "deltalux._core")]
+pub(crate) struct Receivers {
+    rows: Arc<Rows>,
+    /// The user's number of each row's triangle.
+    source: Vec<u32>,
+    /// In the user's space.
+    position: Vec<[f32; 3]>,
+}
+
+#[pymethods]
+impl Receivers {
+    fn __len__(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// Primary rays shot to find them.
+    #[getter]
+    fn rays(&self) -> u64 {
+        self.rows.rays
+    }
+
+    #[getter]
+    fn pixel(&self, py: Python<'_>) -> Py<PyArray1<u32>> {
+        PyArray1::from_slice(py, &self.rows.pixel).unbind()
+    }
+
+    #[getter]
+    fn weight(&self, py: Python<'_>) -> Py<PyArray1<f32>> {
+        PyArray1::from_slice(py, &self.rows.weight).unbind()
+    }
+
+    #[getter]
+    fn triangle(&self, py: Python<'_>) -> Py<PyArray1<u32>> {
+        PyArray1::from_slice(py, &self.source).unbind()
+    }
+
+    #[getter]
+    fn barycentric(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f32>>> {
+        rows_of(py, &self.rows.barycentric)
+    }
+
+    #[getter]
+    fn position(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f32>>> {
+        rows_of(py, &self.position)
+    }
+
+    #[getter]
+    fn normal(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f32>>> {
+        rows_of(py, &self.rows.normal)
+    }
+
+    /// Share of each pixel in which nothing is seen, (height * width,).
+    #[getter]
+    fn background(&self, py: Python<'_>) -> Py<PyArray1<f32>> {
+        PyArray1::from_slice(py, &self.rows.background).unbind()
+    }
+}
+
+/// The direct diffuse pass over the receivers of a scene.
+#[pyclass(frozen, module = "deltalux._core")]
+pub(crate) struct DirectPass(Pass);
+
+#[pymethods]
+impl DirectPass {
+    /// `edge_side` x `edge_side` rays measure a texel that an edge runs through; 0 lets its centre speak for it.
+    #[new]
+    #[pyo3(signature = (scene, receivers, *, columns, edge_side))]
+    fn new(
+        py: Python<'_>,
+        scene: &Bound<'_, Scene>,
+        receivers: &Bound<'_, Receivers>,
+        columns: &str,
+        edge_side: usize,
+    ) -> PyResult<Self> {
+        let (tracer, rows) = (scene.get().tracer.clone(), receivers.get().rows.clone());
+        let space = columns.parse()?;
+        compute(py, || Ok(DirectPass(Pass::new(tracer, rows, space, edge_side)?)))
+    }
+
+    /// Looks at some bundles of 64 rows: the threshold for a relative image error, the error that it gives, entries per
+    /// group of 16 rows, and groups kept untruncated (their numbers and a tile).
+    #[pyo3(signature = (bundles, *, tolerance, quantum, width, progress = None))]
+    #[allow(clippy::type_complexity)]
+    fn survey(
+        &self,
+        py: Python<'_>,
+        bundles: usize,
+        tolerance: f64,
+        quantum: i32,
+        width: &str,
+        progress: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<(f64, f64, f64, Py<PyArray1<u32>>, TileData)> {
+        let width = parse_width(width)?;
+        let (choice, numbers, tile) = interruptible(py, progress, |watch| {
+            let (survey, numbers, tile) = self.0.survey(bundles, quantum, width, &|rows| watch.advance(rows))?;
+            Ok((survey.threshold_for(tolerance)?, numbers, tile))
+        })?;
+        let numbers = numbers.into_pyarray(py).unbind();
+        Ok((choice.threshold, choice.error, choice.entries_per_group, numbers, TileData(tile)))
+    }
+
+    /// The tile of rows `first` to `first + rows`, and the rays it took: to texel centres, and into edge texels.
+    #[pyo3(signature = (first, rows, *, threshold, quantum, width, progress = None))]
+    #[allow(clippy::too_many_arguments)]
+    fn tile(
+        &self,
+        py: Python<'_>,
+        first: usize,
+        rows: usize,
+        threshold: f64,
+        quantum: i32,
+        width: &str,
+        progress: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<(TileData, u64, u64)> {
+        let width = parse_width(width)?;
+        let (tile, rays) = interruptible(py, progress, |watch| {
+            let rule = Truncation::new(self.0.bands(), threshold, quantum, width)?;
+            self.0.tile(first, rows, &rule, &|done| watch.advance(done))
+        })?;
+        Ok((TileData(tile), rays.first, rays.edge))
+    }
+}
+
+pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<Scene>()?;
+    module.add_class::<Receivers>()?;
+    module.add_class::<DirectPass>()?;
+    Ok(())
+}

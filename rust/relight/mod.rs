@@ -1,0 +1,3 @@
+//! V is light: from the response of receivers to a picture.
+
+pub mod shade;

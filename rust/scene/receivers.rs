@@ -1,0 +1,245 @@
+//! Receivers: the rows of M. What a pixel shows, one row for each surface in it.
+//!
+//! Five rays a pixel, its centre and its corners (which neighbours share), tell whether it shows one surface. Where they
+//! differ, 16 stratified rays do; their hits are gathered into surfaces, and each surface becomes a receiver with the share
+//! of the pixel that it covers. Edges are then smooth at the cost of a few rows, not of 16 times the rays, and albedos stay
+//! outside M: a receiver lies on one material.
+
+use rayon::prelude::*;
+
+use super::camera::Camera;
+use super::mesh::Mesh;
+use super::tracer::{LIFT, Tracer};
+
+/// Surfaces kept in one pixel; what is smaller joins the largest.
+const MAX_SURFACES: usize = 4;
+/// Cosine between normals of one surface.
+const SAME_NORMAL: f64 = 0.9;
+/// How far, relative to its distance, another point of one surface may lie off the tangent plane.
+const SAME_PLANE: f64 = 0.3;
+/// Inside blocks of this many pixels a side rows are ordered by where they lie in space: neighbouring rows are then near
+/// each other, even among leaves, and beams and groups of 16 rows stay coherent.
+const BLOCK: usize = 32;
+
+/// How closely a pixel is looked at.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PixelSampling {
+    /// One ray through the centre.
+    Centre,
+    /// Edges are resolved by 4 x 4 rays.
+    Edges,
+}
+
+/// The rows of M, in Morton order of their pixels.
+#[derive(Clone, Debug, Default)]
+pub struct Receivers {
+    pub pixel: Vec<u32>,
+    /// Share of the pixel.
+    pub weight: Vec<f32>,
+    /// Triangle of the mesh, and weights of its corners 1 and 2 at the point.
+    pub triangle: Vec<u32>,
+    pub barycentric: Vec<[f32; 2]>,
+    /// Ray origin: the point in the normalised scene, lifted off its surface.
+    pub origin: Vec<[f32; 3]>,
+    /// Unit geometric normal, towards the camera.
+    pub normal: Vec<[f32; 3]>,
+    /// Share of each pixel in which nothing is seen.
+    pub background: Vec<f32>,
+    /// Primary rays shot.
+    pub rays: u64,
+}
+
+/// A point that a primary ray has found.
+#[derive(Clone, Copy)]
+struct Seen {
+    triangle: u32,
+    barycentric: [f32; 2],
+    point: [f64; 3],
+    normal: [f64; 3],
+    material: u32,
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+impl Seen {
+    fn same_surface(&self, other: &Seen) -> bool {
+        let apart: [f64; 3] = std::array::from_fn(|k| other.point[k] - self.point[k]);
+        self.material == other.material
+            && dot(self.normal, other.normal) > SAME_NORMAL
+            && dot(self.normal, apart).abs() <= SAME_PLANE * dot(apart, apart).sqrt() + LIFT
+    }
+}
+
+/// The primary rays of a camera into a scene.
+struct Primary<'a> {
+    mesh: &'a Mesh,
+    tracer: &'a Tracer,
+    material: &'a [u32],
+    camera: &'a Camera,
+    eye: [f32; 3],
+}
+
+impl Primary<'_> {
+    fn look(&self, x: f64, y: f64) -> Option<Seen> {
+        let direction = self.camera.direction(x, y);
+        let hit = self.tracer.closest_hit(self.eye, direction.map(|d| d as f32))?;
+        let [b1, b2] = hit.barycentric.map(f64::from);
+        let corners = self.mesh.corners[hit.triangle].map(|corner| corner.map(f64::from));
+        let point = std::array::from_fn(|k| {
+            corners[0][k] + b1 * (corners[1][k] - corners[0][k]) + b2 * (corners[2][k] - corners[0][k])
+        });
+        let normal = self.mesh.normal(hit.triangle);
+        let normal = if dot(normal, direction) > 0.0 { normal.map(|n| -n) } else { normal };
+        let material = self.material[self.mesh.source[hit.triangle] as usize];
+        Some(Seen { triangle: hit.triangle as u32, barycentric: hit.barycentric, point, normal, material })
+    }
+}
+
+/// A surface in a pixel: a member to stand for it, and how many samples it has.
+struct Surface {
+    members: Vec<(Seen, [f64; 2])>,
+}
+
+impl Surface {
+    /// The member nearest to the middle of them all.
+    fn representative(&self) -> Seen {
+        let count = self.members.len() as f64;
+        let middle: [f64; 2] = std::array::from_fn(|k| self.members.iter().map(|(_, at)| at[k]).sum::<f64>() / count);
+        let off = |at: &[f64; 2]| (at[0] - middle[0]).powi(2) + (at[1] - middle[1]).powi(2);
+        let nearest = self.members.iter().min_by(|a, b| off(&a.1).total_cmp(&off(&b.1)));
+        nearest.expect("a surface has members").0
+    }
+}
+
+/// Gathers a pixel's samples into at most `MAX_SURFACES` surfaces, the largest first.
+fn surfaces(samples: &[(Seen, [f64; 2])]) -> Vec<Surface> {
+    let mut found: Vec<Surface> = Vec::new();
+    for sample in samples {
+        match found.iter_mut().find(|surface| surface.members[0].0.same_surface(&sample.0)) {
+            Some(surface) => surface.members.push(*sample),
+            None => found.push(Surface { members: vec![*sample] }),
+        }
+    }
+    found.sort_by_key(|surface| std::cmp::Reverse(surface.members.len()));
+    let small = found.split_off(found.len().min(MAX_SURFACES));
+    for sample in small.into_iter().flat_map(|surface| surface.members) {
+        let alike = found.iter().position(|surface| surface.members[0].0.material == sample.0.material);
+        found[alike.unwrap_or(0)].members.push(sample);
+    }
+    found
+}
+
+/// What one pixel shows.
+struct Pixel {
+    surfaces: Vec<(Seen, f32)>,
+    background: f32,
+    rays: u64,
+}
+
+fn resolve(primary: &Primary, column: usize, row: usize, centre: Option<Seen>, corners: [Option<Seen>; 4]) -> Pixel {
+    let alike = corners.iter().all(|corner| match (&centre, corner) {
+        (Some(a), Some(b)) => a.same_surface(b),
+        (None, None) => true,
+        _ => false,
+    });
+    if alike {
+        let background = centre.is_none() as u8 as f32;
+        return Pixel { surfaces: centre.map(|seen| (seen, 1.0)).into_iter().collect(), background, rays: 0 };
+    }
+    let mut samples = Vec::with_capacity(16);
+    for k in 0..16 {
+        let at = [(k % 4) as f64 * 0.25 + 0.125, (k / 4) as f64 * 0.25 + 0.125];
+        if let Some(seen) = primary.look(column as f64 + at[0], row as f64 + at[1]) {
+            samples.push((seen, at));
+        }
+    }
+    let background = 1.0 - samples.len() as f32 / 16.0;
+    let shares = surfaces(&samples).into_iter().map(|s| (s.representative(), s.members.len() as f32 / 16.0));
+    Pixel { surfaces: shares.collect(), background, rays: 16 }
+}
+
+fn interleave(column: usize, row: usize) -> u64 {
+    (0..16).fold(0, |code, bit| code | ((column >> bit & 1) as u64) << (2 * bit) | ((row >> bit & 1) as u64) << (2 * bit + 1))
+}
+
+/// The place of a point of the normalised scene along a Morton curve, 21 bits an axis.
+fn along_curve(point: [f64; 3]) -> u64 {
+    let cells = point.map(|x| (((x + 1.0) * 0.5).clamp(0.0, 1.0) * 2_097_151.0) as u64);
+    (0..21).fold(0, |code, bit| (0..3).fold(code, |code, axis| code | (cells[axis] >> bit & 1) << (3 * bit + axis)))
+}
+
+impl Receivers {
+    /// Finds the receivers of every pixel of a camera. `material` has one entry for each of the user's triangles.
+    pub fn of_pixels(
+        mesh: &Mesh,
+        tracer: &Tracer,
+        material: &[u32],
+        camera: &Camera,
+        sampling: PixelSampling,
+    ) -> Receivers {
+        let (width, height) = (camera.width, camera.height);
+        let primary = Primary { mesh, tracer, material, camera, eye: mesh.normalised(camera.position) };
+        let pixels: Vec<Vec<Pixel>> = (0..height)
+            .into_par_iter()
+            .map(|row| match sampling {
+                PixelSampling::Centre => (0..width)
+                    .map(|column| {
+                        let centre = primary.look(column as f64 + 0.5, row as f64 + 0.5);
+                        resolve(&primary, column, row, centre, [centre; 4])
+                    })
+                    .collect(),
+                PixelSampling::Edges => {
+                    let line = |y: usize| -> Vec<_> { (0..=width).map(|x| primary.look(x as f64, y as f64)).collect() };
+                    let (above, below) = (line(row), line(row + 1));
+                    (0..width)
+                        .map(|column| {
+                            let centre = primary.look(column as f64 + 0.5, row as f64 + 0.5);
+                            let corners = [above[column], above[column + 1], below[column], below[column + 1]];
+                            resolve(&primary, column, row, centre, corners)
+                        })
+                        .collect()
+                }
+            })
+            .collect();
+        Self::in_order(width, height, sampling, &pixels)
+    }
+
+    /// Lays the rows out: blocks of pixels in Morton order, and along a Morton curve in space inside a block.
+    fn in_order(width: usize, height: usize, sampling: PixelSampling, pixels: &[Vec<Pixel>]) -> Receivers {
+        let per_pixel = if sampling == PixelSampling::Edges { 3 } else { 1 };
+        let mut receivers =
+            Receivers { rays: (width * height * per_pixel) as u64, background: vec![0.0; width * height], ..Default::default() };
+        let mut rows = Vec::new();
+        for (row, line) in pixels.iter().enumerate() {
+            for (column, pixel) in line.iter().enumerate() {
+                receivers.background[row * width + column] = pixel.background;
+                receivers.rays += pixel.rays;
+                let block = interleave(column / BLOCK, row / BLOCK);
+                for &(seen, weight) in &pixel.surfaces {
+                    let key = (block, along_curve(seen.point), interleave(column, row));
+                    rows.push((key, (row * width + column) as u32, seen, weight));
+                }
+            }
+        }
+        rows.sort_by_key(|&(key, ..)| key);
+        for (_, pixel, seen, weight) in rows {
+            receivers.pixel.push(pixel);
+            receivers.weight.push(weight);
+            receivers.triangle.push(seen.triangle);
+            receivers.barycentric.push(seen.barycentric);
+            receivers.origin.push(std::array::from_fn(|k| (seen.point[k] + LIFT * seen.normal[k]) as f32));
+            receivers.normal.push(seen.normal.map(|n| n as f32));
+        }
+        receivers
+    }
+
+    pub fn len(&self) -> usize {
+        self.pixel.len()
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.pixel.is_empty()
+    }
+}

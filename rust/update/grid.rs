@@ -1,0 +1,127 @@
+//! The dyadic grid on which coefficients lie, so that every sum of B = M V is exact in f64.
+//!
+//! Values of M are integers times 2^quantum. Where all coefficients are integers times 2^exponent, every product, and
+//! so every partial sum over any subset of terms, is an integer times 2^(quantum + exponent). By Cauchy-Schwarz no such
+//! sum exceeds the norm of the row times the norm of the coefficients in it. While that stays within 2^53 units, f64
+//! holds every sum exactly: no order, no thread and no history can leave a trace (NUMERICS 2a, "exact mode").
+//!
+//! An update passes through mixtures of the coefficients applied and the new ones; their norm, and that of the change,
+//! is at most the sum of both norms. That sum is what `holds` is asked about.
+
+use rayon::prelude::*;
+
+use crate::error::{Error, Result};
+use crate::transport::TransportMatrix;
+
+/// Bits of an f64's significand.
+const SIGNIFICAND: i32 = 53;
+/// The finest and the coarsest spacing, far from where f64 itself ends.
+const SPACINGS: std::ops::RangeInclusive<i32> = -800..=800;
+/// Below so many bits of the light's norm the grid would be an approximation of its own.
+const FEWEST_BITS: i32 = 20;
+
+/// Multiples of 2^exponent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Grid {
+    pub exponent: i32,
+    /// Sums are exact while the norms of the coefficients applied and of the new ones add up to no more than this.
+    pub limit: f64,
+}
+
+impl Grid {
+    /// The finest grid on which light may grow to 2^headroom times `norm` (applied and new together).
+    ///
+    /// `norm` is the largest norm of a colour. The grid follows its exponent, so a light times a power of two lies on
+    /// the grid times that power. An update needs one bit of headroom beyond growth; a single product needs one.
+    pub fn for_light(norm: f64, rows: RowNorm, headroom: i32) -> Result<Grid> {
+        if !(norm.is_finite() && norm < power_of_two(*SPACINGS.end())) {
+            return Err(Error::input(format!("light must be finite and of sane size, but its norm is {norm:e}")));
+        }
+        let span = rows.exponent - rows.quantum;
+        if SIGNIFICAND - headroom - span < FEWEST_BITS {
+            return Err(Error::input(format!(
+                "exact sums need a transport whose rows span at most {} bits, but these span {span}",
+                SIGNIFICAND - headroom - FEWEST_BITS
+            )));
+        }
+        let limit = exponent_above(norm) + headroom;
+        let exponent = (limit + span - SIGNIFICAND).clamp(*SPACINGS.start(), *SPACINGS.end());
+        Ok(Grid { exponent, limit: power_of_two(exponent - span + SIGNIFICAND) })
+    }
+
+    /// Whether sums stay exact for coefficients whose norms, applied and new, add up to `norms`.
+    pub fn holds(&self, norms: f64) -> bool {
+        norms <= self.limit
+    }
+
+    /// The nearest multiple of the spacing, ties to even. What lies on a coarser grid is left as it is; so is zero, and
+    /// `quantise(-x) == -quantise(x)`.
+    pub fn quantise(&self, x: f64) -> f64 {
+        (x * power_of_two(-self.exponent)).round_ties_even() * power_of_two(self.exponent)
+    }
+
+    /// `quantise` for coefficients in three colours.
+    pub fn quantise_all(&self, coefficients: &[[f64; 3]]) -> Vec<[f64; 3]> {
+        coefficients.iter().map(|colours| colours.map(|x| self.quantise(x))).collect()
+    }
+}
+
+/// The largest norm of a row of M, as the grid needs it: at most 2^exponent, in units of 2^quantum.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RowNorm {
+    pub exponent: i32,
+    pub quantum: i32,
+}
+
+impl RowNorm {
+    pub fn of(matrix: &TransportMatrix) -> RowNorm {
+        let bands = matrix.bands.count();
+        let square = |row: &[u16]| row.iter().map(|&norm| norm_value(norm).powi(2)).sum::<f64>();
+        let largest = matrix
+            .tiles
+            .par_iter()
+            .map(|tile| tile.kept.chunks_exact(bands).map(square).fold(0.0, f64::max))
+            .reduce(|| 0.0, f64::max);
+        // A row that is not empty is no smaller than one unit.
+        let norm = above(largest.sqrt()).max(power_of_two(matrix.quantum));
+        RowNorm { exponent: exponent_above(norm), quantum: matrix.quantum }
+    }
+}
+
+/// The largest norm of a colour, never below the true value; not finite where a coefficient is not.
+pub fn light_norm(coefficients: &[[f64; 3]]) -> f64 {
+    let mut squares = [0.0; 3];
+    for colours in coefficients {
+        squares.iter_mut().zip(colours).for_each(|(square, x)| *square += x * x);
+    }
+    // `max` would pass over a NaN.
+    if squares.iter().all(|square| square.is_finite()) {
+        above(squares.into_iter().fold(0.0, f64::max).sqrt())
+    } else {
+        f64::INFINITY
+    }
+}
+
+/// Moves the result of a sum of up to 2^20 squares, and of a few steps more, above its true value.
+pub(super) fn above(x: f64) -> f64 {
+    x * (1.0 + power_of_two(-30))
+}
+
+/// A stored norm (bfloat16).
+pub(super) fn norm_value(bits: u16) -> f64 {
+    f32::from_bits((bits as u32) << 16) as f64
+}
+
+/// The least e with x <= 2^e, for finite x >= 0; the finest spacing for zero.
+fn exponent_above(x: f64) -> i32 {
+    let bits = x.to_bits();
+    let exponent = ((bits >> 52) & 0x7ff) as i32 - 1023;
+    let rounded_up = exponent + (bits & ((1 << 52) - 1) != 0) as i32;
+    rounded_up.max(*SPACINGS.start())
+}
+
+/// 2^exponent, for exponents of normal numbers.
+pub(super) fn power_of_two(exponent: i32) -> f64 {
+    debug_assert!((-1022..=1023).contains(&exponent));
+    f64::from_bits(((exponent + 1023) as u64) << 52)
+}

@@ -1,0 +1,62 @@
+//! The walk in plain Rust: for other processors, and the check of the vector code.
+
+use super::{Columns, Integer, Marks, Move, POWERS, Sorted, Sums, Target};
+use crate::transport::tile::{GROUP, GROUP_BITS};
+
+pub(super) fn walk_marked<T: Integer>(columns: &Columns<'_, T>, moves: &[Move], marks: &mut Marks, target: Target<'_>) {
+    marks.set(columns, moves, |_| ());
+    walk(target, |group, sums| {
+        let mut bits = std::mem::take(&mut marks.groups[group]);
+        while bits != 0 {
+            let bit = bits.trailing_zeros() as usize;
+            bits &= bits - 1;
+            add(sums, columns, &moves[bit], marks.cursors[bit] as usize);
+            marks.cursors[bit] += 1;
+        }
+    });
+}
+
+pub(super) fn walk_sorted<T: Integer>(
+    columns: &Columns<'_, T>,
+    moves: &[Move],
+    sorted: &mut Sorted,
+    target: Target<'_>,
+) {
+    sorted.set(columns, moves);
+    let mut from = 0;
+    walk(target, |group, sums| {
+        for item in &sorted.items[sorted.group(group, &mut from)] {
+            add(sums, columns, &moves[item.moved as usize], item.entry as usize);
+        }
+    });
+}
+
+fn walk(mut target: Target<'_>, mut add_group: impl FnMut(usize, &mut Sums)) {
+    for (group, sums) in target.sums.iter_mut().enumerate() {
+        if target.afresh {
+            *sums = Sums::ZERO;
+        }
+        add_group(group, sums);
+        if let Some(out) = &mut target.out {
+            publish(sums, &mut out[group * 3 * GROUP..]);
+        }
+    }
+}
+
+fn add<T: Integer>(sums: &mut Sums, columns: &Columns<'_, T>, moved: &Move, entry: usize) {
+    let power = POWERS[(columns.words[entry] >> GROUP_BITS) as usize];
+    for (sums, change) in sums.0.iter_mut().zip(moved.change) {
+        for (sum, &value) in sums.iter_mut().zip(&columns.lanes[entry]) {
+            *sum += value.into() * (change * power);
+        }
+    }
+}
+
+/// Rounds a group's sums, once, into rows of red, green, blue; `out` may end inside the group.
+pub(super) fn publish(sums: &Sums, out: &mut [f32]) {
+    for (lane, row) in out.chunks_exact_mut(3).take(GROUP).enumerate() {
+        for (value, sums) in row.iter_mut().zip(&sums.0) {
+            *value = sums[lane] as f32;
+        }
+    }
+}
