@@ -17,6 +17,7 @@ __all__ = [
     "Receivers",
     "Scene",
     "TileData",
+    "Tracer",
     "Transport",
     "TransportWriter",
     "Updater",
@@ -90,6 +91,13 @@ class Scene:
         height: int,
         edges: bool,
     ) -> Receivers: ...
+
+@final
+class Tracer:
+    def __new__(cls, vertices: NDArray[np.float64], triangles: NDArray[np.uint32]) -> Tracer: ...
+    def visibility(
+        self, origins: NDArray[np.float64], normals: NDArray[np.float64], directions: NDArray[np.float64]
+    ) -> NDArray[np.bool_]: ...
 
 @final
 class Receivers:

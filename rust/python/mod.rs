@@ -5,6 +5,7 @@ mod interrupt;
 mod light;
 mod relight;
 mod scene;
+mod tracer;
 mod transport;
 mod update;
 
@@ -46,5 +47,6 @@ fn core_module(module: &Bound<'_, PyModule>) -> PyResult<()> {
     harmonics::register(module)?;
     relight::register(module)?;
     scene::register(module)?;
+    tracer::register(module)?;
     Ok(())
 }

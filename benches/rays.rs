@@ -1,0 +1,113 @@
+//! Occlusion rays of the precomputation: 64 receivers and 64 directions at a time, one direction at a time, one ray at a
+//! time, and without AVX2. A wavy ground under a field of needles; `benches/peers_rays.py` holds real scenes against Embree.
+
+mod common;
+
+use std::hint::black_box;
+
+use _core::scene::{BUNDLE, Bundle, LIFT, Mesh, Tracer, Walk, beam};
+use common::Random;
+use criterion::{Criterion, Throughput};
+
+/// Squares along a side of the ground, and needles on it.
+const GROUND: usize = 128;
+const NEEDLES: usize = 20_000;
+const BUNDLES: usize = 64;
+
+fn ground(x: f64, z: f64) -> f64 {
+    0.02 * ((9.0 * x).sin() + (7.0 * z).cos())
+}
+
+fn scene(random: &mut Random) -> Mesh {
+    let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
+    let at = |k: usize| 2.0 * k as f64 / GROUND as f64 - 1.0;
+    for (row, column) in (0..=GROUND).flat_map(|row| (0..=GROUND).map(move |column| (row, column))) {
+        vertices.push([at(column), ground(at(column), at(row)), at(row)]);
+        if row < GROUND && column < GROUND {
+            let corner = (row * (GROUND + 1) + column) as u32;
+            let below = corner + GROUND as u32 + 1;
+            triangles.extend([[corner, below, corner + 1], [corner + 1, below, below + 1]]);
+        }
+    }
+    for _ in 0..NEEDLES {
+        let (x, z) = (2.0 * random.unit() - 1.0, 2.0 * random.unit() - 1.0);
+        let first = vertices.len() as u32;
+        let tip = [x + 0.05 * random.unit(), ground(x, z) + 0.1 + 0.2 * random.unit(), z + 0.05 * random.unit()];
+        vertices.extend([[x, ground(x, z), z], [x + 0.004, ground(x, z), z + 0.003], tip]);
+        triangles.push([first, first + 1, first + 2]);
+    }
+    Mesh::new(&vertices, &triangles).expect("a valid scene")
+}
+
+/// 8 x 8 receivers on the ground, a pixel apart.
+fn bundle(mesh: &Mesh, random: &mut Random) -> (Bundle, Vec<[f32; 3]>) {
+    let (x, z) = (1.6 * random.unit() - 0.8, 1.6 * random.unit() - 0.8);
+    let origin = |ray: usize| {
+        let (x, z) = (x + 0.003 * (ray % 8) as f64, z + 0.003 * (ray / 8) as f64);
+        mesh.normalised([x, ground(x, z) + 0.001 + LIFT / mesh.scale, z])
+    };
+    let origins: Vec<[f32; 3]> = (0..BUNDLE).map(origin).collect();
+    (Bundle::new(&origins, &[[0.0, 1.0, 0.0]; BUNDLE]), origins)
+}
+
+/// 8 x 8 neighbouring texels of a 6 x 64 x 64 cubemap, above the horizon.
+fn block(random: &mut Random) -> Vec<[f32; 3]> {
+    let (s, t) = (1.75 * random.unit() - 1.0, 1.75 * random.unit() - 1.0);
+    let texel = |k: usize| {
+        let d = [s + (k % 8) as f64 / 32.0, 1.0, t + (k / 8) as f64 / 32.0];
+        let length = d.iter().map(|x| x * x).sum::<f64>().sqrt();
+        d.map(|x| (x / length) as f32)
+    };
+    (0..64).map(texel).collect()
+}
+
+fn main() {
+    let mut random = Random(5);
+    let mesh = scene(&mut random);
+    let tracer = Tracer::new(&mesh);
+    let work: Vec<_> = (0..BUNDLES).map(|_| (bundle(&mesh, &mut random), block(&mut random))).collect();
+    let active = [u64::MAX; 64];
+    let (mut room, mut blocked) = (Walk::default(), [0u64; 64]);
+
+    let mut criterion = Criterion::default().configure_from_args();
+    let mut group = criterion.benchmark_group("rays");
+    group.sample_size(10).throughput(Throughput::Elements((BUNDLES * BUNDLE * 64) as u64));
+    group.bench_function("blocks of directions", |bencher| {
+        bencher.iter(|| {
+            for ((bundle, _), directions) in &work {
+                tracer.blocked_each(bundle, directions, &active, &mut room, &mut blocked);
+                black_box(&blocked);
+            }
+        });
+    });
+    group.bench_function("blocks of directions, portable", |bencher| {
+        bencher.iter(|| {
+            for ((bundle, _), directions) in &work {
+                beam::blocked_portable(tracer.wide(), bundle, directions, &active, &mut room, &mut blocked);
+                black_box(&blocked);
+            }
+        });
+    });
+    group.bench_function("one direction", |bencher| {
+        bencher.iter(|| {
+            for ((bundle, _), directions) in &work {
+                for &direction in directions {
+                    black_box(tracer.blocked(bundle, direction, u64::MAX, &mut room));
+                }
+            }
+        });
+    });
+    group.bench_function("one ray", |bencher| {
+        bencher.iter(|| {
+            for ((_, origins), directions) in &work {
+                for &direction in directions {
+                    for &origin in origins {
+                        black_box(tracer.occluded(origin, direction));
+                    }
+                }
+            }
+        });
+    });
+    group.finish();
+    criterion.final_summary();
+}
