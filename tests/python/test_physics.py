@@ -273,6 +273,19 @@ def test_a_closed_room_is_black(make, size, cells, quality):
     assert (product(transport, ones(size) * 1e6) == 0).all()
 
 
+# The same where two walls meet: with tan(fov / 2) = W / (W - 1) the outermost pixel centres look right into the seams.
+@pytest.mark.parametrize("size", [9, 16])
+@pytest.mark.parametrize("cells", [1, 4])
+def test_seams_of_a_closed_room_are_black(make, size, cells):
+    fov = 2 * np.degrees(np.arctan(size / (size - 1)))
+    room = oracles.box((-1, -1, -1), (1, 1, 1), cells)
+    scene = scene_of(room, position=(0, 0, 0), target=(0, 0, -1), up=(0, 1, 0), fov=fov, size=size)
+    transport = make(scene, 8)
+    on_seams = (np.abs(transport._core.position) > 0.9999).sum(axis=1) > 1
+    assert on_seams.sum() == 4 * (size - 1)
+    assert (product(transport, ones(8)) == 0).all()
+
+
 def test_a_room_with_a_pinhole_is_not_black(make):
     room = oracles.box((-1, -1, -1), (1, 1, 1), 16)
     pinned = (room[0], np.delete(room[1], -1, axis=0))
