@@ -52,7 +52,9 @@ def size_curve(transport: Transport, envs: Sequence[Environment], motion: Motion
     suns = _suns(transport)
 
     def errors(multiply) -> tuple[dict[str, float], float, float]:  # type: ignore[no-untyped-def]
-        of = {name: float(np.mean(_error(multiply(V), audit.multiply(V)[:, real], weight))) for name, V in lights.items()}
+        of = {
+            name: float(np.mean(_error(multiply(V), audit.multiply(V)[:, real], weight))) for name, V in lights.items()
+        }
         sun = _error(multiply(suns), audit.multiply(suns)[:, real], weight)
         return of, float(np.mean(sun)), float(np.max(sun))
 
