@@ -3,12 +3,13 @@
 B = M V: M is ray traced once (`precompute`); V, the light, moves; a `Relighter` follows it within a budget a frame.
 """
 
+from . import sequences
 from ._core import FileError, __version__, set_threads, threads
 from .approximation import Approximation, Update
 from .camera import Camera
-from .columns import Haar
+from .columns import Haar, SphericalHarmonics
 from .environment import Environment
-from .methods import Full, HarmonicOrder, Incremental, Nonlinear, PerBand
+from .methods import Full, HarmonicOrder, Incremental, Linear, Nonlinear, PerBand
 from .plan import Plan
 from .precompute import plan, precompute
 from .relight import Frame, Relighter
@@ -25,16 +26,19 @@ __all__ = [
     "Haar",
     "HarmonicOrder",
     "Incremental",
+    "Linear",
     "Nonlinear",
     "PerBand",
     "Plan",
     "Relighter",
     "Scene",
+    "SphericalHarmonics",
     "Transport",
     "Update",
     "__version__",
     "plan",
     "precompute",
+    "sequences",
     "set_threads",
     "threads",
 ]

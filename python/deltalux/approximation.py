@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from .methods import Full, HarmonicOrder, Incremental, Method, Nonlinear, PerBand
+from .methods import Full, HarmonicOrder, Incremental, Linear, Method, Nonlinear, PerBand
 
 __all__ = ["Approximation", "ColumnBands", "Update"]
 
 _NAMES: dict[type, str] = {
     Full: "full",
+    Linear: "linear",
     Nonlinear: "nonlinear",
     Incremental: "incremental",
     PerBand: "per-band",
@@ -23,7 +24,7 @@ _NAMES: dict[type, str] = {
 
 
 class ColumnBands(Protocol):
-    """All that choosing knows of columns; `Haar` is one."""
+    """All that choosing knows of columns; `Haar` and `SphericalHarmonics` are two."""
 
     @property
     def bands(self) -> NDArray[Any]:
@@ -59,9 +60,10 @@ class Approximation:
     Parameters
     ----------
     columns
-        The columns of V: `Haar`, or anything with ``bands`` and ``areas``.
+        The columns of V: `Haar`, `SphericalHarmonics`, or anything with ``bands`` and ``areas``.
     method
-        How columns are chosen, and how many: `Full`, `Nonlinear`, `Incremental`, `PerBand` or `HarmonicOrder`.
+        How columns are chosen, and how many: `Full`, `Linear`, `Nonlinear`, `Incremental`, `PerBand` or
+        `HarmonicOrder`.
     initial
         (columns, 3): the values to start from, exactly. None: black.
     column_norms

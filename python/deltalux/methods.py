@@ -1,7 +1,8 @@
 """Update methods: which columns of V to bring up to date in a frame, and how many.
 
-``Full``, ``Nonlinear`` (NWA), ``Incremental`` (BI), ``PerBand`` (PBI) and ``HarmonicOrder`` (PBI for spherical
-harmonics) are plain settings; `Approximation` and `Relighter` act on them. (Overbeck 2006, chapters 2, 4, 6 and 8.)
+``Full``, ``Linear``, ``Nonlinear`` (NWA), ``Incremental`` (BI), ``PerBand`` (PBI) and ``HarmonicOrder`` (PBI for
+spherical harmonics) are plain settings; `Approximation` and `Relighter` act on them. (Overbeck 2006, chapters 2, 4, 6
+and 8.)
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import operator
 from dataclasses import dataclass, field
 from typing import Any
 
-__all__ = ["Full", "HarmonicOrder", "Incremental", "Method", "Nonlinear", "PerBand"]
+__all__ = ["Full", "HarmonicOrder", "Incremental", "Linear", "Method", "Nonlinear", "PerBand"]
 
 WEIGHTS = ("area", "none", "root-area", "transport", "cost")
 TESTS = ("simple", "dealer", "exhaustive", "fixed")
@@ -101,6 +102,15 @@ class Nonlinear(_Budgeted):
 
 
 @dataclass(frozen=True)
+class Linear(_Budgeted):
+    """Linear approximation: the first columns of the light and no others, from black, in every frame.
+
+    ``Linear(terms=25)`` on spherical harmonics of any order is lighting of order 5: its columns stand degree by degree.
+    Budget and ``channels`` are those of `Nonlinear`; ``weight`` changes nothing.
+    """
+
+
+@dataclass(frozen=True)
 class Incremental(_Budgeted):
     """BI, basic incremental updates: the largest changes of the light.
 
@@ -158,4 +168,4 @@ class HarmonicOrder(_Budgeted):
         object.__setattr__(self, "tolerance", _amount("tolerance", self.tolerance))
 
 
-Method = Full | Nonlinear | Incremental | PerBand | HarmonicOrder
+Method = Full | Linear | Nonlinear | Incremental | PerBand | HarmonicOrder

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from . import _core
-from .columns import Haar
+from .columns import Columns, Haar
 from .scene import Scene
 
 __all__ = ["QUALITIES", "Plan", "Quality", "make_plan"]
@@ -39,8 +39,8 @@ class Quality:
 
 QUALITIES = {
     "preview": Quality(edges=False, edge_side=0, tolerance=0.05, width="i8"),
-    "publication": Quality(edges=True, edge_side=4, tolerance=0.015, width="i8"),
-    "lossless": Quality(edges=True, edge_side=4, tolerance=0.0, width="i16"),
+    "publication": Quality(edges=True, edge_side=3, tolerance=0.015, width="i8"),
+    "lossless": Quality(edges=True, edge_side=3, tolerance=0.0, width="i16"),
 }
 """Presets by outcome; `lossless` keeps every coefficient above 2^-24."""
 
@@ -118,19 +118,20 @@ class Plan:
         return Plan(**fields)
 
 
-def make_plan(scene: Scene, columns: Haar, quality: str, settings: Quality) -> Plan:
+def make_plan(scene: Scene, columns: Columns, quality: str, settings: Quality) -> Plan:
     """Looks at the scene and the request; shoots no ray."""
     camera = scene.camera
     pixels = camera.width * camera.height
     rows = round(pixels * (_ROWS_PER_PIXEL if settings.edges else 1))
     threads = _core.threads()
     edge_rays = _EDGE_RAYS if settings.edge_side else 0.0
-    rays = rows * columns.columns * _ABOVE * (1 + edge_rays)
+    rays = rows * columns.texels * _ABOVE * (1 + edge_rays)
     entry = 18 if settings.width == "i8" else 34
-    # Entries grow slower than columns: fine wavelets are sparse.
-    entries = _ENTRIES_PER_GROUP.get(quality, 900) * (columns.columns / 24576) ** 0.5
+    # Entries grow slower than columns, fine wavelets being sparse; harmonics are dense.
+    sparse = _ENTRIES_PER_GROUP.get(quality, 900) * (columns.columns / 24576) ** 0.5
+    entries = sparse if isinstance(columns, Haar) else columns.columns
     triangles = len(scene.triangles)
-    in_flight = threads * 16 * columns.columns * 4 * 2 + 4 * 8192 / 16 * entries * entry * 3
+    in_flight = threads * 16 * columns.texels * 4 * 2 + 4 * 8192 / 16 * entries * entry * 3
     return Plan(
         scene=scene.name,
         triangles=triangles,

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from . import _core
-from .columns import Haar, parse
+from .columns import Columns, parse
 from .plan import QUALITIES, Plan, Quality, check_room, make_plan
 from .progress import Progress, reporter
 from .scene import Scene
@@ -36,12 +36,12 @@ def _settings(quality: str, tolerance: float | None) -> Quality:
     return replace(chosen, tolerance=float(tolerance))
 
 
-def _columns(columns: Haar | str) -> Haar:
+def _columns(columns: Columns | str) -> Columns:
     return parse(columns) if isinstance(columns, str) else columns
 
 
 def plan(
-    scene: Scene, *, columns: Haar | str = "haar:64", quality: str = "publication", tolerance: float | None = None
+    scene: Scene, *, columns: Columns | str = "haar:64", quality: str = "publication", tolerance: float | None = None
 ) -> Plan:
     """What `precompute` would compute and leave out, and about what it would cost; shoots no ray."""
     return make_plan(scene, _columns(columns), quality, _settings(quality, tolerance))
@@ -52,7 +52,7 @@ def precompute(
     path: str | os.PathLike[str],
     *,
     receivers: str = "pixels",
-    columns: Haar | str = "haar:64",
+    columns: Columns | str = "haar:64",
     quality: str = "publication",
     tolerance: float | None = None,
     progress: bool | Progress = True,
@@ -71,7 +71,7 @@ def precompute(
     receivers
         "pixels": the rows of M are what the pixels of the camera show.
     columns
-        The basis of the light: `Haar`, or its name.
+        The basis of the light: `Haar` or `SphericalHarmonics`, or its name ("haar:64", "sh:20").
     quality
         "preview", "publication" or "lossless" (`QUALITIES`).
     tolerance
@@ -109,7 +109,7 @@ class _Run:
     """One precomputation: find the receivers, look at some of them, then trace tile after tile."""
 
     def __init__(
-        self, scene: Scene, columns: Haar, settings: Quality, writer: _core.TransportWriter, tell: Progress
+        self, scene: Scene, columns: Columns, settings: Quality, writer: _core.TransportWriter, tell: Progress
     ) -> None:
         self.scene, self.columns, self.settings, self.writer, self.tell = scene, columns, settings, writer, tell
         camera = scene.camera

@@ -17,6 +17,8 @@ _SUN_ELEVATION, _SUN_AZIMUTH = np.radians(38.0), np.radians(55.0)
 _SUN_LUMINANCE = 1.2e6
 """Of the sun's disc through a clear atmosphere at this elevation, in kcd/m^2 (1.6e6 outside)."""
 _TURBIDITY = 2.5
+_WAVELENGTHS = np.array([0.65, 0.55, 0.45])
+"""Of red, green and blue, in micrometres."""
 _EXPOSURE = 0.1
 """Radiance per kcd/m^2: a clear sky is then about 0.5."""
 
@@ -44,24 +46,37 @@ def _block_mean(image: Floats, times: int) -> Floats:
 # --- sky -------------------------------------------------------------------------------------------------------------
 
 
-def sky() -> Floats:
-    """A clear sky (Preetham, Shirley and Smits 1999) over gray ground, with the sun's disc of 0.53 degrees."""
-    x, y, z = _directions()
-    sun = _toward(_SUN_AZIMUTH, _SUN_ELEVATION)
+def sky(azimuth: float = _SUN_AZIMUTH, elevation: float = _SUN_ELEVATION, height: int = HEIGHT) -> Floats:
+    """A clear sky (Preetham, Shirley and Smits 1999) over gray ground, with the sun's disc of 0.53 degrees.
+
+    (height, 2 height, 3); the sun stands at an azimuth from -Z towards +X and an elevation, in radians.
+    """
+    x, y, z = _directions(height, 2 * height)
+    sun = _toward(azimuth, elevation)
     to_sun = np.arccos(np.clip(x * sun[0] + y * sun[1] + z * sun[2], -1, 1))
-    above = _preetham(np.maximum(y, 0.01), to_sun, np.pi / 2 - _SUN_ELEVATION)
+    above = _preetham(np.maximum(y, 0.01), to_sun, np.pi / 2 - max(elevation, 0.0))
+    # Twilight: from 400 lux at sunset to 3.4 at 6 degrees below the horizon.
+    above *= np.float32((400 / 3.4) ** (np.degrees(min(elevation, 0.0)) / 6))
 
     # The disc by its coverage of each pixel: 16 x 16 points in the few pixels about it.
-    sunlight = np.array([1.0, 0.93, 0.82]) * _SUN_LUMINANCE
-    coverage = _sun_coverage(sun)
-    above = above + coverage[..., None] * sunlight.astype(np.float32)
+    sunlight = np.array([1.0, 0.93, 0.82]) * _SUN_LUMINANCE * _transmittance(elevation) / _transmittance(_SUN_ELEVATION)
+    above = above + _sun_coverage(sun, height)[..., None] * sunlight.astype(np.float32)
 
     # The ground reflects the light that falls on it (albedo 0.2, a little brown), and meets the sky in a soft horizon.
-    area = (2 * np.pi**2 / (HEIGHT * WIDTH)) * np.sqrt(np.maximum(1 - y * y, 0))
+    area = (np.pi**2 / height**2) * np.sqrt(np.maximum(1 - y * y, 0))
     irradiance = np.einsum("ijc,ij->c", above, np.maximum(y, 0) * area)
     ground = irradiance / np.pi * np.array([0.22, 0.20, 0.17])
     share = np.clip(0.5 + y / 0.02, 0, 1)[..., None]
     return np.asarray(_EXPOSURE * (share * above + (1 - share) * ground), np.float32)
+
+
+def _transmittance(elevation: float) -> NDArray[np.float64]:
+    """The share of sunlight that air lets through, red, green and blue (Preetham et al., appendix A.1)."""
+    zenith = 90 - np.degrees(max(elevation, 0.0))
+    mass = 1 / (np.cos(np.radians(zenith)) + 0.15 * (93.885 - zenith) ** -1.253)
+    rayleigh = 0.008735 * _WAVELENGTHS**-4.08
+    aerosol = (0.04608 * _TURBIDITY - 0.04586) * _WAVELENGTHS**-1.3
+    return np.asarray(np.exp(-mass * (rayleigh + aerosol)))
 
 
 def _preetham(cosine: Floats, to_sun: Floats, sun_zenith: float) -> Floats:
@@ -104,18 +119,21 @@ def _preetham(cosine: Floats, to_sun: Floats, sun_zenith: float) -> Floats:
     return np.asarray(np.maximum(xyz @ to_rgb.T, 0), np.float32)
 
 
-def _sun_coverage(sun: NDArray[np.float64]) -> Floats:
+def _sun_coverage(sun: NDArray[np.float64], height: int) -> Floats:
     """The share of each pixel that the sun's disc covers."""
-    row = int(np.arccos(sun[1]) / np.pi * HEIGHT)
-    column = int(np.arctan2(sun[0], -sun[2]) / (2 * np.pi) * WIDTH) % WIDTH
-    rows, columns = np.arange(row - 3, row + 4), np.arange(column - 4, column + 5)
+    width = 2 * height
+    row = int(np.arccos(sun[1]) / np.pi * height)
+    column = int(np.arctan2(sun[0], -sun[2]) / (2 * np.pi) * width) % width
+    # Towards the zenith a disc is as wide as it is high over the sine of its distance from it.
+    reach = min(int(4 / max(np.sin(np.arccos(sun[1])), 1e-3)) + 1, height - 1)
+    rows, columns = np.arange(max(row - 3, 0), min(row + 4, height)), np.arange(column - reach, column + reach + 1)
     fine = (np.arange(16) + 0.5) / 16
-    v = ((rows[:, None] + fine).ravel() * np.pi / HEIGHT)[:, None]
-    u = (columns[:, None] + fine).ravel() * 2 * np.pi / WIDTH
+    v = ((rows[:, None] + fine).ravel() * np.pi / height)[:, None]
+    u = (columns[:, None] + fine).ravel() * 2 * np.pi / width
     cosine = np.sin(v) * np.sin(u) * sun[0] + np.cos(v) * sun[1] - np.sin(v) * np.cos(u) * sun[2]
     inside = (cosine > np.cos(SUN_RADIUS)).reshape(len(rows), 16, len(columns), 16).mean(axis=(1, 3))
-    coverage = np.zeros((HEIGHT, WIDTH), np.float32)
-    coverage[np.ix_(rows, columns)] = inside
+    coverage = np.zeros((height, width), np.float32)
+    coverage[np.ix_(rows, columns % width)] = inside
     return coverage
 
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core
 from .camera import Camera
-from .columns import Haar, parse
+from .columns import Columns, parse
 from .environment import Environment
 from .plan import Plan
 
@@ -61,7 +61,7 @@ class Transport:
         return self._core.nbytes
 
     @cached_property
-    def columns(self) -> Haar:
+    def columns(self) -> Columns:
         """The basis that V is measured in."""
         return parse(self._core.columns)
 

@@ -16,6 +16,10 @@ pub enum ColumnSpace {
     /// Band 0 holds the 6 scaling functions, then the 18 coarsest wavelets; band b > 0 the wavelets whose support is
     /// (size / 2^b)^2 texels. Inside a level: face by face, then block by block in rows, then the h, d, v wavelets.
     Haar { size: usize },
+    /// Real spherical harmonics of the degrees below `order` (`basis/spherical_harmonics.rs`): order² columns.
+    ///
+    /// Band l holds the 2l + 1 functions of degree l, from m = -l to l.
+    SphericalHarmonics { order: usize },
 }
 
 /// How columns group into bands: all that an update method knows of a basis.
@@ -23,7 +27,7 @@ pub enum ColumnSpace {
 pub struct Bands {
     /// Band b is columns `starts[b]..starts[b + 1]`; the last entry is the number of columns.
     pub starts: Vec<usize>,
-    /// Texels under the support of each column.
+    /// Texels under the support of each column; 1 for functions that cover the whole sphere.
     pub areas: Vec<f64>,
 }
 
@@ -61,9 +65,24 @@ impl ColumnSpace {
         }
     }
 
+    /// The highest order of spherical harmonics.
+    pub const MAX_ORDER: usize = 30;
+
+    pub fn spherical_harmonics(order: usize) -> Result<Self> {
+        if (1..=Self::MAX_ORDER).contains(&order) {
+            Ok(ColumnSpace::SphericalHarmonics { order })
+        } else {
+            Err(Error::input(format!(
+                "expected an order of spherical harmonics from 1 to {}, got {order}",
+                Self::MAX_ORDER
+            )))
+        }
+    }
+
     pub fn columns(self) -> usize {
         match self {
             ColumnSpace::Haar { size } => 6 * size * size,
+            ColumnSpace::SphericalHarmonics { order } => order * order,
         }
     }
 
@@ -83,6 +102,9 @@ impl ColumnSpace {
                 }
                 Bands { starts, areas }
             }
+            ColumnSpace::SphericalHarmonics { order } => {
+                Bands { starts: (0..=order).map(|degree| degree * degree).collect(), areas: vec![1.0; order * order] }
+            }
         }
     }
 }
@@ -91,6 +113,7 @@ impl fmt::Display for ColumnSpace {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             ColumnSpace::Haar { size } => write!(f, "haar:{size}"),
+            ColumnSpace::SphericalHarmonics { order } => write!(f, "sh:{order}"),
         }
     }
 }
@@ -98,14 +121,13 @@ impl fmt::Display for ColumnSpace {
 impl FromStr for ColumnSpace {
     type Err = Error;
 
-    /// Reads what `Display` writes: `haar:64`.
+    /// Reads what `Display` writes: `haar:64`, `sh:20`.
     fn from_str(text: &str) -> Result<Self> {
-        match text.split_once(':') {
-            Some(("haar", size)) => match size.parse() {
-                Ok(size) => ColumnSpace::haar(size),
-                Err(_) => Err(Error::input(format!("expected columns like \"haar:64\", got {text:?}"))),
-            },
-            _ => Err(Error::input(format!("expected columns like \"haar:64\", got {text:?}"))),
+        let (kind, number) = text.split_once(':').unwrap_or((text, ""));
+        match (kind, number.parse()) {
+            ("haar", Ok(size)) => ColumnSpace::haar(size),
+            ("sh", Ok(order)) => ColumnSpace::spherical_harmonics(order),
+            _ => Err(Error::input(format!("expected columns like \"haar:64\" or \"sh:20\", got {text:?}"))),
         }
     }
 }

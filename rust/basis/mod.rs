@@ -2,5 +2,6 @@
 
 pub mod bands;
 pub mod haar;
+pub mod spherical_harmonics;
 
 pub use bands::{Bands, ColumnSpace};

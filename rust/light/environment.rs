@@ -40,6 +40,8 @@ pub struct EnvironmentMap {
     pixels: Vec<[f32; 3]>,
     /// What `resample` needs for each size, made on first use.
     prepared: Mutex<HashMap<usize, Arc<Prepared>>>,
+    /// Its coefficients in the spherical harmonics of each order (`projection.rs`), made on first use.
+    harmonics: Mutex<HashMap<usize, Arc<Vec<[f64; 3]>>>>,
 }
 
 impl EnvironmentMap {
@@ -55,7 +57,7 @@ impl EnvironmentMap {
         if let Some(bad) = pixels.iter().position(|pixel| pixel.iter().any(|value| !value.is_finite())) {
             return Err(Error::input(format!("expected finite radiance, got {:?} in pixel {bad}", pixels[bad])));
         }
-        Ok(EnvironmentMap { layout, pixels, prepared: Mutex::default() })
+        Ok(EnvironmentMap { layout, pixels, prepared: Mutex::default(), harmonics: Mutex::default() })
     }
 
     /// Adds to `radiance`, a cubemap of `size` x `size` texels a face, this map rotated by `rotation` times `scale`.
@@ -85,6 +87,22 @@ impl EnvironmentMap {
             let fresh = Arc::new(Prepared::new(self.layout, &self.pixels, size));
             self.prepared.lock().unwrap_or_else(PoisonError::into_inner).entry(size).or_insert(fresh).clone()
         })
+    }
+
+    /// The coefficients of an order, once; the lock is not held while they are made (see `prepare`).
+    pub(super) fn harmonics(
+        &self,
+        order: usize,
+        make: impl FnOnce() -> Result<Vec<[f64; 3]>>,
+    ) -> Result<Arc<Vec<[f64; 3]>>> {
+        let known = self.harmonics.lock().unwrap_or_else(PoisonError::into_inner).get(&order).cloned();
+        match known {
+            Some(made) => Ok(made),
+            None => {
+                let fresh = Arc::new(make()?);
+                Ok(self.harmonics.lock().unwrap_or_else(PoisonError::into_inner).entry(order).or_insert(fresh).clone())
+            }
+        }
     }
 
     fn lookup(&self, direction: [f64; 3]) -> [f64; 3] {

@@ -2,9 +2,11 @@
 
 pub mod cubemap;
 pub mod environment;
+pub mod projection;
 
 mod bright;
 mod lookup;
 mod resample;
 
 pub use environment::{EnvironmentMap, Layout};
+pub use projection::{HARMONIC_FACE, HarmonicProjection};

@@ -1,4 +1,5 @@
-//! The direct diffuse pass: T_p = V_p cos(theta_p) / pi * sqrt(dw_p) for every texel p, turned into Haar coefficients.
+//! The direct diffuse pass: T_p = V_p cos(theta_p) / pi * sqrt(dw_p) for every texel p, turned into
+//! coefficients (`projection.rs`).
 //!
 //!     B(x) = 1/pi Int L V cos dw = sum_p L_p sqrt(dw_p) * T_p        (Overbeck 2006, eq. 3.1; the albedo stays outside)
 //!
@@ -17,6 +18,7 @@ use crate::scene::{BUNDLE, Bundle, Receivers, Tracer, Walk};
 use crate::transport::truncate::compress_group;
 use crate::transport::{CompressedGroup, GROUP, Survey, Tile, Truncation, Width};
 
+use super::projection::{Projection, Scratch};
 use super::texels::Texels;
 
 /// Rays that a pass has shot: what its time is measured against.
@@ -39,6 +41,7 @@ pub struct DirectPass {
     tracer: Arc<Tracer>,
     receivers: Arc<Receivers>,
     texels: Texels,
+    projection: Projection,
     bands: Bands,
     /// Edge texels are sampled `edge_side` x `edge_side` times; 0 takes the centre for the whole texel.
     edge_side: usize,
@@ -71,8 +74,7 @@ impl Normals {
     fn cosines(&self, direction: [f32; 3], first: usize, cosines: &mut [f32]) {
         for (k, cosine) in cosines.iter_mut().enumerate() {
             let ray = first + k;
-            *cosine =
-                self.0[0][ray] * direction[0] + self.0[1][ray] * direction[1] + self.0[2][ray] * direction[2];
+            *cosine = self.0[0][ray] * direction[0] + self.0[1][ray] * direction[1] + self.0[2][ray] * direction[2];
         }
     }
 
@@ -116,7 +118,7 @@ impl Beams {
 struct Room {
     walk: Walk,
     beams: Beams,
-    face: Vec<[f32; GROUP]>,
+    texels: Scratch,
     coefficients: Vec<[f32; GROUP]>,
 }
 
@@ -124,10 +126,13 @@ impl DirectPass {
     /// Refuses edge sampling that no texel needs.
     pub fn new(tracer: Arc<Tracer>, receivers: Arc<Receivers>, space: ColumnSpace, edge_side: usize) -> Result<Self> {
         if edge_side > MAX_EDGE_SIDE {
-            return Err(Error::input(format!("expected at most {MAX_EDGE_SIDE} x {MAX_EDGE_SIDE} rays for an edge texel, got {edge_side}")));
+            return Err(Error::input(format!(
+                "expected at most {MAX_EDGE_SIDE} x {MAX_EDGE_SIDE} rays for an edge texel, got {edge_side}"
+            )));
         }
-        let ColumnSpace::Haar { size } = space;
-        Ok(DirectPass { tracer, receivers, texels: Texels::new(size)?, bands: space.bands(), edge_side })
+        let projection = Projection::new(space)?;
+        let texels = Texels::new(projection.size());
+        Ok(DirectPass { tracer, receivers, texels, projection, bands: space.bands(), edge_side })
     }
 
     pub fn bands(&self) -> &Bands {
@@ -225,8 +230,8 @@ impl DirectPass {
         Room {
             walk: Walk::default(),
             beams: Beams::default(),
-            face: vec![[0.0; GROUP]; self.texels.len() / 6],
-            coefficients: vec![[0.0; GROUP]; self.texels.len()],
+            texels: self.projection.scratch(),
+            coefficients: vec![[0.0; GROUP]; self.bands.columns()],
         }
     }
 
@@ -299,14 +304,14 @@ impl DirectPass {
         }
     }
 
-    /// The transport rows of 16 receivers of a bundle, as Haar coefficients in `room.coefficients`.
+    /// The transport rows of 16 receivers of a bundle, as coefficients in `room.coefficients`.
     fn transform(&self, rows: Range<usize>, group: usize, view: &View, room: &mut Room) {
         let normals = Normals::new(&self.receivers.normal[rows]);
         let lanes = group * GROUP;
         let per_face = self.texels.len() / 6;
         let mut edges = view.edges.iter().peekable();
         for face in 0..6 {
-            for (k, row) in room.face.iter_mut().enumerate() {
+            for (k, row) in self.projection.face(face, &mut room.texels).iter_mut().enumerate() {
                 let texel = face * per_face + k;
                 let open = view.open[texel] >> lanes;
                 normals.cosines(self.texels.centre[texel], lanes, row);
@@ -320,11 +325,12 @@ impl DirectPass {
                         }
                     }
                 }
+                let factor = self.projection.factor(k);
                 for value in row.iter_mut() {
-                    *value *= self.texels.factor[texel];
+                    *value *= factor;
                 }
             }
-            self.texels.haar.forward_face(face, &mut room.face, &mut room.coefficients);
+            self.projection.face_done(face, &mut room.texels, &mut room.coefficients);
         }
     }
 }

@@ -2,6 +2,7 @@
 //! any split over threads, machines or interrupted runs gives the same M.
 
 pub mod direct;
+mod projection;
 mod texels;
 
 pub use direct::{DirectPass, Rays};

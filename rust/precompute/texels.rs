@@ -1,7 +1,5 @@
 //! The directions of a cubemap that a pass shoots: texel centres, neighbours, and samples inside a texel.
 
-use crate::basis::haar::{Haar, solid_angles};
-use crate::error::Result;
 use crate::light::cubemap::{direction_to_face_uv, face_point, texel_centre, texel_of};
 
 /// Every texel of the six faces, row-major, face after face.
@@ -9,13 +7,10 @@ pub(super) struct Texels {
     pub size: usize,
     /// Unit direction of the centre.
     pub centre: Vec<[f32; 3]>,
-    /// sqrt(solid angle) / pi: turns a cosine into an entry of a transport row.
-    pub factor: Vec<f32>,
     /// Texels by blocks of at most 8 x 8 neighbours: directions that are traced together.
     pub blocks: Vec<Vec<u32>>,
     /// The four texels that share an edge, over the borders of faces too.
     pub neighbours: Vec<[u32; 4]>,
-    pub haar: &'static Haar,
 }
 
 fn unit(point: [f64; 3]) -> [f32; 3] {
@@ -24,23 +19,18 @@ fn unit(point: [f64; 3]) -> [f32; 3] {
 }
 
 impl Texels {
-    pub fn new(size: usize) -> Result<Self> {
-        let haar = Haar::shared(size)?;
-        let areas = solid_angles(size);
+    pub fn new(size: usize) -> Self {
         let count = 6 * size * size;
         let mut texels = Texels {
             size,
             centre: Vec::with_capacity(count),
-            factor: Vec::with_capacity(count),
             blocks: blocks(size),
             neighbours: Vec::with_capacity(count),
-            haar,
         };
         for texel in 0..count {
             let (face, row, column) = texels.place(texel);
             let (s, t) = (texel_centre(size, column), texel_centre(size, row));
             texels.centre.push(unit(face_point(face, s, t)));
-            texels.factor.push((areas[texel % (size * size)].sqrt() / std::f64::consts::PI) as f32);
             let step = 2.0 / size as f64;
             texels.neighbours.push([(-step, 0.0), (step, 0.0), (0.0, -step), (0.0, step)].map(|(ds, dt)| {
                 // A step over the border lands on the next face, where it is looked up again.
@@ -48,7 +38,7 @@ impl Texels {
                 (face * size * size + texel_of(size, t) * size + texel_of(size, s)) as u32
             }));
         }
-        Ok(texels)
+        texels
     }
 
     pub fn len(&self) -> usize {

@@ -14,10 +14,16 @@ use super::compute;
 const MAX_SIZE: usize = 2048;
 
 /// One map of an environment: its weight, the map, and the rotation of its light as an orthogonal matrix in rows.
-type Part = (f64, Py<PyEnvironmentMap>, [[f64; 3]; 3]);
+pub(super) type Part = (f64, Py<PyEnvironmentMap>, [[f64; 3]; 3]);
 
 #[pyclass(frozen, name = "EnvironmentMap", module = "deltalux._core")]
 pub(super) struct PyEnvironmentMap(EnvironmentMap);
+
+impl PyEnvironmentMap {
+    pub(super) fn map(&self) -> &EnvironmentMap {
+        &self.0
+    }
+}
 
 #[pymethods]
 impl PyEnvironmentMap {
@@ -45,12 +51,12 @@ impl PyEnvironmentMap {
     }
 }
 
-fn not_contiguous() -> PyErr {
+pub(super) fn not_contiguous() -> PyErr {
     Error::input("expected a C-contiguous array").into()
 }
 
 /// Numbers as colours: the last axis has length 3.
-fn colours(values: &[f32]) -> Result<Vec<[f32; 3]>> {
+pub(super) fn colours(values: &[f32]) -> Result<Vec<[f32; 3]>> {
     match values.as_chunks::<3>() {
         (colours, []) => Ok(colours.to_vec()),
         _ => Err(Error::input("expected an array whose last axis has length 3")),
@@ -69,7 +75,7 @@ fn resampled(parts: &[Part], size: usize) -> Result<Vec<[f32; 3]>> {
     Ok(radiance)
 }
 
-fn table<'py>(py: Python<'py>, colours: Vec<[f64; 3]>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+pub(super) fn table<'py>(py: Python<'py>, colours: Vec<[f64; 3]>) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let shape = (colours.len(), 3);
     let array = Array2::from_shape_vec(shape, colours.into_flattened());
     Ok(array.map_err(|error| Error::input(error.to_string()))?.into_pyarray(py))

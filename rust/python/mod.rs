@@ -1,5 +1,6 @@
 //! The boundary to Python: convert, check, detach, compute, convert back; nothing else. One file per floor.
 
+mod harmonics;
 mod interrupt;
 mod light;
 mod relight;
@@ -42,6 +43,7 @@ fn core_module(module: &Bound<'_, PyModule>) -> PyResult<()> {
     update::register(module)?;
     transport::register(module)?;
     light::register(module)?;
+    harmonics::register(module)?;
     relight::register(module)?;
     scene::register(module)?;
     Ok(())

@@ -50,6 +50,7 @@ impl SettingsItems<'_> {
         Ok(match self.method.as_str() {
             "full" => Method::Full,
             "nonlinear" => Method::Nonlinear,
+            "linear" => Method::Linear,
             "incremental" => Method::Incremental,
             "per-band" => Method::PerBand { test: self.test()?, norm: self.norm()? },
             "harmonic-order" => Method::HarmonicOrder { tolerance: self.tolerance },

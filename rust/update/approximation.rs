@@ -6,6 +6,7 @@
 //! ```text
 //! Nonlinear    (NWA)  all bands start anew;                  the largest weight_j |V_j|
 //! Incremental  (BI)   no band starts anew;                   the largest weight_j |V_j - V~_j|
+//! Linear              all bands start anew;                  the first columns
 //! PerBand      (PBI)  each band as its test says (Fig. 6.1); the largest of both kinds, over all bands
 //! ```
 //!
@@ -26,8 +27,8 @@
 //! ```
 //!
 //! Two rules where the papers are silent. A band is only listed as reset if it holds anything to forget. A budget of
-//! nothing changes nothing: a reset without terms would only lose light (`Nonlinear` excepted: its values are always
-//! exactly its terms).
+//! nothing changes nothing: a reset without terms would only lose light (`Nonlinear` and `Linear` excepted: their values
+//! are always exactly their terms).
 
 use std::ops::Range;
 
@@ -47,6 +48,8 @@ pub enum Method {
     Full,
     /// NWA: the values are exactly the largest terms of the light.
     Nonlinear,
+    /// The values are exactly the first columns of the light: spherical harmonics of a low order, say.
+    Linear,
     /// BI: the largest changes.
     Incremental,
     /// PBI: each band is either reset or updated incrementally.
@@ -156,6 +159,7 @@ impl Approximation {
         match settings.method {
             Method::Full => by_key(vec![false; bands.count()], &Budget::Terms(usize::MAX)),
             Method::Nonlinear => by_key(vec![true; bands.count()], budget),
+            Method::Linear => select::first(&frame, budget),
             _ if budget.is_nothing() => Choice { anew: vec![false; bands.count()], sent: Vec::new() },
             Method::Incremental => by_key(vec![false; bands.count()], budget),
             Method::PerBand { test: BandTest::Simple, norm } => by_key(band_test::simple(&frame, norm), budget),

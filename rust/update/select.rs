@@ -9,6 +9,7 @@
 
 use std::cmp::Ordering;
 
+use super::approximation::Choice;
 use super::frame::Frame;
 
 /// When a frame has sent enough.
@@ -134,6 +135,15 @@ pub(super) fn choose(frame: &Frame, anew: &[bool], budget: &Budget) -> Vec<u32> 
         }
         count = count.saturating_mul(4);
     }
+}
+
+/// The first candidates from black, as many as the budget allows; those without light count, but need not be sent.
+pub(super) fn first(frame: &Frame, budget: &Budget) -> Choice {
+    let anew = vec![true; frame.bands.count()];
+    let mut sent: Vec<u32> = (0..frame.candidates() as u32).collect();
+    sent.truncate(prefix(frame, &anew, budget, &sent));
+    sent.retain(|&candidate| frame.change(candidate, true) != [0.0; 3]);
+    Choice { anew, sent }
 }
 
 /// How many of the candidates in `order` the budget allows.

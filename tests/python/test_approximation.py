@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from deltalux.approximation import Approximation
 from deltalux.columns import Haar, parse
-from deltalux.methods import Full, HarmonicOrder, Incremental, Nonlinear, PerBand
+from deltalux.methods import Full, HarmonicOrder, Incremental, Linear, Nonlinear, PerBand
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -15,6 +15,7 @@ from hypothesis.extra.numpy import arrays
 METHODS = [
     Full(),
     Nonlinear(terms=5),
+    Linear(terms=5),
     Incremental(terms=5),
     Incremental(terms=5, weight="none", channels="separate"),
     Incremental(error=0.25),
@@ -26,7 +27,7 @@ METHODS = [
     PerBand(terms=5, weight="cost", channels="separate"),
     HarmonicOrder(terms=5),
 ]
-NEVER_THERE = ("Nonlinear", "fixed='", "test='fixed'")
+NEVER_THERE = ("Nonlinear", "Linear", "fixed='", "test='fixed'")
 
 SPACE = SimpleNamespace(bands=np.repeat([0, 1, 2], [4, 8, 12]), areas=np.repeat([16.0, 4.0, 1.0], [4, 8, 12]))
 SIZE = len(SPACE.bands)
@@ -182,7 +183,7 @@ def test_budgets_of_none_one_and_all(make, terms):
         (lambda: Haar(0), "at least 1 texel"),
         (lambda: Haar("64"), "whole number"),
         (lambda: parse("haar:x"), "expected columns like"),
-        (lambda: parse("sh:5"), "expected columns like"),
+        (lambda: parse("sh:"), "expected columns like"),
     ],
 )
 def test_bad_settings_say_what_was_expected(make, message):

@@ -5,3 +5,4 @@ mod transport;
 mod basis;
 mod light;
 mod response;
+mod harmonics;

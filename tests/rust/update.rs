@@ -22,6 +22,7 @@ fn methods() -> impl Strategy<Value = Method> {
     prop::sample::select(vec![
         Method::Full,
         Method::Nonlinear,
+        Method::Linear,
         Method::Incremental,
         PER_BAND(Simple, L1),
         PER_BAND(Simple, L2),
@@ -174,7 +175,7 @@ proptest! {
         };
         match settings.budget {
             _ if settings.method == Method::Full => prop_assert_eq!(follow.values(), &target[..]),
-            Budget::Terms(0) | Budget::Cost(0.0) if settings.method != Method::Nonlinear => {
+            Budget::Terms(0) | Budget::Cost(0.0) if !matches!(settings.method, Method::Nonlinear | Method::Linear) => {
                 prop_assert_eq!(update, Update::default());
             }
             Budget::Terms(terms) => prop_assert!(sent <= terms),
@@ -190,7 +191,10 @@ proptest! {
     /// Still light: the error never rises, and every column is right within ceil(m / k) frames.
     #[test]
     fn still_light_is_reached(settings in settings(), before in light(), target in light()) {
-        let stuck = matches!(settings.method, Method::Nonlinear | Method::PerBand { test: BandTest::Fixed { .. }, .. });
+        let stuck = matches!(
+            settings.method,
+            Method::Nonlinear | Method::Linear | Method::PerBand { test: BandTest::Fixed { .. }, .. }
+        );
         prop_assume!(!stuck && !matches!(settings.budget, Budget::Terms(0) | Budget::Cost(0.0)));
         let mut follow = start(settings.clone(), &before);
         let mut last = error(&settings, &target, &before);
@@ -304,6 +308,18 @@ proptest! {
             prop_assert!(bound(shorter.values()) > tolerance * (1.0 - 1e-12));
         }
     }
+}
+
+/// Linear: the first columns of the light, dark ones counted, and nothing else.
+#[test]
+fn linear_keeps_the_first_columns() {
+    let mut target: Light = (0..44).map(|j| [j as f64 + 1.0, 0.5, 0.0]).collect();
+    target[3] = [0.0; 3];
+    let mut follow = start(joint(Method::Linear, Budget::Terms(9)), &[[7.0; 3]; 44]);
+    let update = follow.step(&target).unwrap();
+    assert_eq!((update.resets, update.terms.len()), (vec![0, 1, 2, 3], 8));
+    let expected: Light = (0..44).map(|j| if j < 9 { target[j] } else { [0.0; 3] }).collect();
+    assert_eq!(follow.values(), &expected[..]);
 }
 
 /// 256 coefficients and 30 a frame: exact in ceil(256 / 30) = 9 frames (Overbeck 2006, section 4.2), not in 8.

@@ -1,0 +1,86 @@
+//! The last step of a pass: the rows V cos / π of 16 receivers, texel by texel, become coefficients.
+//!
+//! Both bases integrate over the texels: Haar takes T_p = V_p cos / π * sqrt(dω_p), spherical harmonics take V cos / π as
+//! constant over the texel and hold ∫ Y dω themselves (`light/projection.rs`).
+
+use std::f64::consts::PI;
+
+use crate::basis::ColumnSpace;
+use crate::basis::haar::Haar;
+use crate::error::Result;
+use crate::light::{HARMONIC_FACE, HarmonicProjection};
+use crate::transport::GROUP;
+
+type Lanes = [f32; GROUP];
+
+/// From texels to columns.
+pub(super) struct Projection {
+    basis: Basis,
+    /// Texels along a face that the pass shoots.
+    size: usize,
+    /// What a cosine is multiplied by to be a texel's entry, for the texels of one face.
+    factors: Vec<f32>,
+}
+
+enum Basis {
+    Haar(&'static Haar),
+    Harmonics(&'static HarmonicProjection),
+}
+
+/// Texels of 16 rows, kept by each thread: one face at a time for Haar, all six for harmonics.
+pub(super) struct Scratch {
+    texels: Vec<Lanes>,
+    folded: Vec<Lanes>,
+}
+
+impl Projection {
+    pub fn new(space: ColumnSpace) -> Result<Self> {
+        Ok(match space {
+            ColumnSpace::Haar { size } => {
+                let haar = Haar::shared(size)?;
+                let factors = haar.roots().iter().map(|root| (root / PI) as f32).collect();
+                Projection { basis: Basis::Haar(haar), size, factors }
+            }
+            ColumnSpace::SphericalHarmonics { order } => Projection {
+                basis: Basis::Harmonics(HarmonicProjection::shared(order)?),
+                size: HARMONIC_FACE,
+                factors: vec![(1.0 / PI) as f32; HARMONIC_FACE * HARMONIC_FACE],
+            },
+        })
+    }
+
+    pub fn size(&self) -> usize {
+        self.size
+    }
+
+    pub fn factor(&self, texel_of_face: usize) -> f32 {
+        self.factors[texel_of_face]
+    }
+
+    pub fn scratch(&self) -> Scratch {
+        let faces = match self.basis {
+            Basis::Haar(_) => 1,
+            Basis::Harmonics(_) => 6,
+        };
+        Scratch { texels: vec![[0.0; GROUP]; faces * self.factors.len()], folded: Vec::new() }
+    }
+
+    /// Where the entries of a face's texels go; faces come in order.
+    pub fn face<'a>(&self, face: usize, scratch: &'a mut Scratch) -> &'a mut [Lanes] {
+        match self.basis {
+            Basis::Haar(_) => &mut scratch.texels,
+            Basis::Harmonics(_) => &mut scratch.texels[face * self.factors.len()..(face + 1) * self.factors.len()],
+        }
+    }
+
+    /// A face is filled; after the last one all `coefficients` are there.
+    pub fn face_done(&self, face: usize, scratch: &mut Scratch, coefficients: &mut [Lanes]) {
+        match self.basis {
+            Basis::Haar(haar) => haar.forward_face(face, &mut scratch.texels, coefficients),
+            Basis::Harmonics(harmonics) if face == 5 => {
+                harmonics.project(&scratch.texels, &mut scratch.folded, coefficients);
+            }
+            Basis::Harmonics(_) => {}
+        }
+    }
+}
