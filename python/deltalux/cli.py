@@ -138,7 +138,7 @@ def _parser() -> argparse.ArgumentParser:
 def _command(commands: Any, name: str, run: Callable[[argparse.Namespace], None], what: str) -> argparse.ArgumentParser:
     command: argparse.ArgumentParser = commands.add_parser(name, help=what, description=what.capitalize() + ".")
     command.set_defaults(run=run)
-    command.add_argument("--threads", type=int, metavar="N", help="default: all processors")
+    command.add_argument("--threads", type=_threads, metavar="N", help="default: all processors")
     return command
 
 
@@ -164,6 +164,12 @@ def _size(text: str) -> tuple[int, int]:
     if not (by and width.isdecimal() and height.isdecimal()):
         raise argparse.ArgumentTypeError(f"expected a size like 512x512, got {text!r}")
     return int(width), int(height)
+
+
+def _threads(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"expected a number of threads, got {text!r}")
+    return int(text)
 
 
 def _vector(text: str) -> tuple[float, float, float]:

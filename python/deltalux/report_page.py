@@ -264,7 +264,7 @@ def _size(
         f"{state:,} bytes beyond M. The papers' recipe, one float image for every band and a copy of the light, takes "
         f"{formula:,} bytes for this picture ({_PAPER_BYTES:,} at 512 x 512 with six bands)."
     )
-    page.text(f"Truncation as the file states it: {_stated(transport)}.")
+    page.text(f"Truncation, as the file states it: {_stated(transport)}.")
     if not points:
         page.text("This transport keeps no untruncated rows, so no curve of error against bytes can be drawn.")
         return
@@ -293,8 +293,8 @@ def _size(
 
 
 def _stated(transport: Transport) -> str:
-    notes = [note for note in transport.plan.notes if note.startswith("truncation:")]
-    return notes[-1].removeprefix("truncation: ") if notes else f"{100 * transport.plan.tolerance:g} %"
+    notes = [note for note in transport.plan.notes if note.startswith("truncated")]
+    return notes[-1] if notes else f"{100 * transport.plan.tolerance:g} %"
 
 
 def _method(page: Page, motion: Motion) -> None:
