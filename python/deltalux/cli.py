@@ -86,7 +86,9 @@ class _Parser(argparse.ArgumentParser):
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(prog="deltalux", description="Precomputed light transport of still scenes, relit as the light moves.")
+    parser = _Parser(
+        prog="deltalux", description="Precomputed light transport of still scenes, relit as the light moves."
+    )
     parser.add_argument("--version", action="version", version=f"deltalux {_core.__version__}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_Parser)
 
@@ -100,10 +102,14 @@ def _parser() -> argparse.ArgumentParser:
 
     command = _command(commands, "precompute", _precompute, "trace the light transport of a scene")
     command.set_defaults(when_stopped=_RESUME)
-    command.add_argument("scene", metavar="SCENE", help=f"{', '.join(SCENES)}, or a .glb, .gltf, .obj, .ply or .stl file")
+    command.add_argument(
+        "scene", metavar="SCENE", help=f"{', '.join(SCENES)}, or a .glb, .gltf, .obj, .ply or .stl file"
+    )
     command.add_argument("-o", "--output", metavar="FILE", help="directory to make, by custom NAME.transport")
     command.add_argument("--size", type=_size, metavar="WxH", help="pixels; default: the scene's own camera")
-    command.add_argument("--columns", default="haar:64", metavar="haar:N", help="basis of the light; default: %(default)s")
+    command.add_argument(
+        "--columns", default="haar:64", metavar="haar:N", help="basis of the light; default: %(default)s"
+    )
     command.add_argument("--camera", type=_camera, metavar="PX,PY,PZ:TX,TY,TZ[:FOV]", help="position, target, degrees")
     command.add_argument("--quality", choices=QUALITIES, default="publication", help="default: %(default)s")
     command.add_argument("--tolerance", type=float, help="relative error of the image from truncation, such as 0.01")
@@ -116,7 +122,9 @@ def _parser() -> argparse.ArgumentParser:
     _add_light(command, rotate=180.0, hold=0)
     command.add_argument("--method", choices=("full", *_METHODS), default="pbi", help="default: %(default)s")
     command.add_argument("--terms", type=int, help="columns a frame; default: 30")
-    command.add_argument("--weight", choices=WEIGHTS, default="area", help="what a change is worth; default: %(default)s")
+    command.add_argument(
+        "--weight", choices=WEIGHTS, default="area", help="what a change is worth; default: %(default)s"
+    )
     command.add_argument("--exposure", type=float, metavar="STOPS", help="of the PNGs; default: chosen from frame 0")
     command.add_argument("--format", choices=FORMATS, default="png", help="default: %(default)s")
     command.add_argument("-o", "--output", required=True, metavar="FOLDER")
@@ -130,18 +138,22 @@ def _parser() -> argparse.ArgumentParser:
 def _command(commands: Any, name: str, run: Callable[[argparse.Namespace], None], what: str) -> argparse.ArgumentParser:
     command: argparse.ArgumentParser = commands.add_parser(name, help=what, description=what.capitalize() + ".")
     command.set_defaults(run=run)
-    command.add_argument("--threads", type=int, metavar="N", help="default: all processors")
+    command.add_argument("--threads", type=_threads, metavar="N", help="default: all processors")
     return command
 
 
 def _add_light(command: argparse.ArgumentParser, rotate: float, hold: int, several: bool = False) -> None:
     command.add_argument("transport", metavar="TRANSPORT")
-    names = f"{', '.join(BUILTIN)}, or a .hdr or .exr file" + ("; may be given again for more chapters" if several else "")
+    names = f"{', '.join(BUILTIN)}, or a .hdr or .exr file" + (
+        "; may be given again for more chapters" if several else ""
+    )
     command.add_argument("--env", required=True, action="append" if several else "store", metavar="ENV", help=names)
     layouts = ("latlong", "vertical-cross", "horizontal-cross", "angular", "cube")
     command.add_argument("--layout", choices=layouts, help="of the file; default: recognised")
     command.add_argument("--repair", choices=("zero",), help="make NaN and infinite pixels black")
-    command.add_argument("--rotate", type=float, default=rotate, metavar="DEGREES", help="eased in and out; default: %(default)g")
+    command.add_argument(
+        "--rotate", type=float, default=rotate, metavar="DEGREES", help="eased in and out; default: %(default)g"
+    )
     command.add_argument("--axis", type=_axis, default="y", metavar="x|y|z|X,Y,Z", help="default: y, which is up")
     command.add_argument("--frames", type=int, default=100, help="default: %(default)s")
     command.add_argument("--hold", type=int, default=hold, help="frames of standing still; default: %(default)s")
@@ -152,6 +164,12 @@ def _size(text: str) -> tuple[int, int]:
     if not (by and width.isdecimal() and height.isdecimal()):
         raise argparse.ArgumentTypeError(f"expected a size like 512x512, got {text!r}")
     return int(width), int(height)
+
+
+def _threads(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"expected a number of threads, got {text!r}")
+    return int(text)
 
 
 def _vector(text: str) -> tuple[float, float, float]:
@@ -202,7 +220,9 @@ def _environment(name: str, chosen: argparse.Namespace) -> Environment:
 
 
 def _demo(chosen: argparse.Namespace) -> None:
-    page = demo(chosen.output, size=chosen.size, columns=chosen.columns, frames=chosen.frames, hold=chosen.hold, say=_say)
+    page = demo(
+        chosen.output, size=chosen.size, columns=chosen.columns, frames=chosen.frames, hold=chosen.hold, say=_say
+    )
     _say(f"{page.parent.absolute()} holds the pictures, plots and tables; open {page.absolute()} in a browser")
 
 

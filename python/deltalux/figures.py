@@ -46,7 +46,9 @@ _LINES = {
 
 
 @contextmanager
-def _figure(path: Path, rows: int, columns: int, size: tuple[float, float], **options: Any) -> Iterator[tuple[Figure, Any]]:
+def _figure(
+    path: Path, rows: int, columns: int, size: tuple[float, float], **options: Any
+) -> Iterator[tuple[Figure, Any]]:
     """A figure that is saved at the end; it needs no display and leaves the caller's matplotlib as it is."""
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -118,11 +120,21 @@ def time_figure(path: Path, result: Replay, motion: Motion, rows: Sequence[Row],
                 colour = FAMILIES[family]
                 p50, p95, error, _ = np.array(points, float).T
                 shown = error > 0
-                axes.plot(p50[shown], error[shown], "-", color=colour, marker=_MARKERS[family], label=family, markersize=6)
+                axes.plot(
+                    p50[shown], error[shown], "-", color=colour, marker=_MARKERS[family], label=family, markersize=6
+                )
                 axes.hlines(error[shown], p50[shown], p95[shown], color=colour, alpha=0.35, linewidth=3)
                 below = (0, 6) if family in ("NWA", "BI") else (0, -13)
                 for x, _, y, budget in (point for point in points if point[2] > 0):
-                    axes.annotate(f"{budget}", (x, y), xytext=below, textcoords="offset points", fontsize=8, color=colour, ha="center")
+                    axes.annotate(
+                        f"{budget}",
+                        (x, y),
+                        xytext=below,
+                        textcoords="offset points",
+                        fontsize=8,
+                        color=colour,
+                        ha="center",
+                    )
             exact = 1e3 * np.median(seconds["exact"][turning, 0])
             axes.axvline(exact, color="#000000", linestyle=":", linewidth=1.2, label="exact product (no error)")
             axes.set(xscale="log", yscale="log", title=title)
@@ -130,7 +142,9 @@ def time_figure(path: Path, result: Replay, motion: Motion, rows: Sequence[Row],
             _percent(axes.yaxis)
         both[0].set_ylabel("Image: L2 error (%)")
         plural = "s" if threads > 1 else ""
-        figure.supxlabel(f"Time of a frame on {threads} thread{plural} (ms): median, bar to the 95th percentile", fontsize=10)
+        figure.supxlabel(
+            f"Time of a frame on {threads} thread{plural} (ms): median, bar to the 95th percentile", fontsize=10
+        )
         figure.suptitle(f"Error against run time under {result.environment}; labels are terms a frame", fontsize=11)
         handles, labels = both[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
@@ -145,7 +159,9 @@ def resets_figure(path: Path, result: Replay, motion: Motion, areas: Sequence[fl
             frames = [record.frame for record in result.records[method] if band in record.resets]
             raster.axhline(band, color="#bbbbbb", linewidth=1)
             raster.vlines(frames, band - 0.36, band + 0.36, color=FAMILIES["PBI"], linewidth=1.8)
-            raster.text(1.01, band, f"{len(frames)} resets", transform=raster.get_yaxis_transform(), va="center", fontsize=9)
+            raster.text(
+                1.01, band, f"{len(frames)} resets", transform=raster.get_yaxis_transform(), va="center", fontsize=9
+            )
         raster.set_yticks(range(bands), [f"{area:,.0f}" for area in areas])
         raster.set_ylim(bands - 0.4, -0.6)
         raster.set_ylabel("Band: texels under\na wavelet")
@@ -154,7 +170,10 @@ def resets_figure(path: Path, result: Replay, motion: Motion, areas: Sequence[fl
         profile.set(xlabel="Frame", ylabel="Angle (degrees)", xlim=(0, len(motion.angles) - 1))
         for axes in (raster, profile):
             axes.axvline(motion.stop, color="#888888", linewidth=1)
-        figure.suptitle(f"Bands that {method} starts anew under {result.environment}; it changes them in all other frames", fontsize=11)
+        figure.suptitle(
+            f"Bands that {method} starts anew under {result.environment}; it changes them in all other frames",
+            fontsize=11,
+        )
 
 
 def terms_figure(path: Path, result: Replay, areas: Sequence[float], methods: Sequence[str]) -> None:
@@ -189,10 +208,32 @@ def bytes_figure(path: Path, points: Sequence[Point]) -> None:
             values = 100 * np.array(errors)
             shown = values[:-1] > 0
             axes.plot(megabytes[shown], values[:-1][shown], style, color=colour, label=label, markersize=4.5)
-            axes.plot([own.megabytes], values[-1:], "*", color=colour, markersize=13, markeredgecolor="black", markeredgewidth=0.7)
+            axes.plot(
+                [own.megabytes],
+                values[-1:],
+                "*",
+                color=colour,
+                markersize=13,
+                markeredgecolor="black",
+                markeredgewidth=0.7,
+            )
         axes.axvline(own.megabytes, color="#888888", linewidth=1, zorder=0)
-        axes.text(own.megabytes, 1.01, "this transport", ha="center", va="bottom", fontsize=9, color="#555555", transform=_x_data(axes))
-        axes.set(xscale="log", yscale="log", xlabel="Size of M (MB), extrapolated from the audited rows", ylabel="Image: L2 error (%)")
+        axes.text(
+            own.megabytes,
+            1.01,
+            "this transport",
+            ha="center",
+            va="bottom",
+            fontsize=9,
+            color="#555555",
+            transform=_x_data(axes),
+        )
+        axes.set(
+            xscale="log",
+            yscale="log",
+            xlabel="Size of M (MB), extrapolated from the audited rows",
+            ylabel="Image: L2 error (%)",
+        )
         _percent(axes.xaxis)
         _percent(axes.yaxis)
         figure.suptitle("Error against bytes: what truncation costs (stars: this transport as it is)", fontsize=11)

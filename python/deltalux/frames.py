@@ -92,7 +92,9 @@ def relight_frames(
             "deltalux:bound": frame.bound,
         }
         for suffix in FORMATS[kind]:
-            save_image(path / f"{_stem(k)}{suffix}", to_display(picture, exposure) if suffix == ".png" else picture, about)
+            save_image(
+                path / f"{_stem(k)}{suffix}", to_display(picture, exposure) if suffix == ".png" else picture, about
+            )
         rows.append(
             {
                 "frame": k,

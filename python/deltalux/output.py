@@ -29,7 +29,9 @@ def check_folder(folder: str | os.PathLike[str], names: Iterable[str] = ()) -> P
     if not there.is_dir():
         raise NotADirectoryError(f"expected a folder to write into, but {there} is a file")
     if not os.access(there, os.W_OK | os.X_OK):
-        raise PermissionError(f"expected a folder that can be written, but there is no permission to write into {there}")
+        raise PermissionError(
+            f"expected a folder that can be written, but there is no permission to write into {there}"
+        )
     ours = _written(path)
     foreign = sorted(name for name in names if name not in ours and (path / name).exists())
     if foreign:

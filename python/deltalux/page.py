@@ -23,9 +23,11 @@ h3 { font-size: 1.02rem; margin: 1.8rem 0 0.4rem; }
 p { max-width: 46rem; }
 a { color: var(--link); }
 figure { margin: 1rem 0 1.6rem; }
-figure img { display: block; max-width: 100%; height: auto; background: #fff; border: 1px solid var(--line); border-radius: 6px; }
+figure img { display: block; max-width: 100%; height: auto; background: #fff; border: 1px solid var(--line);
+             border-radius: 6px; }
 figcaption { color: var(--soft); font-size: 0.9rem; margin-top: 0.45rem; max-width: 46rem; }
-.scroll { overflow-x: auto; border: 1px solid var(--line); border-radius: 6px; background: var(--card); margin: 0.8rem 0; }
+.scroll { overflow-x: auto; border: 1px solid var(--line); border-radius: 6px; background: var(--card);
+          margin: 0.8rem 0; }
 table { border-collapse: collapse; font-size: 0.86rem; width: 100%; font-variant-numeric: tabular-nums; }
 th, td { padding: 0.38rem 0.7rem; text-align: right; white-space: nowrap; }
 th { color: var(--soft); font-weight: 600; border-bottom: 1px solid var(--line); vertical-align: bottom; }
@@ -34,8 +36,6 @@ tr + tr td { border-top: 1px solid var(--line); }
 .words td, .words th { text-align: left; white-space: normal; }
 .holds { color: var(--good); font-weight: 600; } .fails { color: var(--bad); font-weight: 600; }
 td.holds, td.fails { white-space: nowrap; }
-pre { white-space: pre-wrap; background: var(--card); border: 1px solid var(--line); border-radius: 6px; padding: 0.8rem;
-      font-size: 0.82rem; }
 .gallery { display: grid; grid-template-columns: repeat(auto-fill, minmax(11rem, 1fr)); gap: 0.8rem; }
 .gallery figure { margin: 0; } nav a { margin-right: 1.1rem; }
 """
@@ -75,7 +75,11 @@ def figure(source: str, caption: str, alt: str, link: str | None = None) -> str:
 
 
 def table(
-    headings: Sequence[str], rows: Iterable[Sequence[str]], *, words: bool = False, marks: Mapping[str, str] | None = None
+    headings: Sequence[str],
+    rows: Iterable[Sequence[str]],
+    *,
+    words: bool = False,
+    marks: Mapping[str, str] | None = None,
 ) -> str:
     """A table of texts; `marks` gives the class of cells with a certain text."""
     marks = marks or {}

@@ -110,7 +110,9 @@ class Gallery:
         for j, (name, difference) in enumerate(rows):
             y = top + j * (height + _GAP) + height / 2
             label = f"|{name}\n\N{MINUS SIGN} exact|\n\N{MULTIPLICATION SIGN} {times}" if difference else name
-            draw.multiline_text((left - 10, y), label, "black", font=small if difference else font, anchor="rm", align="right")
+            draw.multiline_text(
+                (left - 10, y), label, "black", font=small if difference else font, anchor="rm", align="right"
+            )
         strip.save(path, optimize=True)
 
     def _magnification(self, method: str) -> int:
@@ -127,7 +129,14 @@ class Gallery:
             # The last frame stays a while before the animation starts again.
             durations = [_FRAME_MS] * (len(frames) - 1) + [1500]
             frames[0].save(
-                data, "WEBP", save_all=True, append_images=frames[1:], duration=durations, loop=0, quality=quality, method=2
+                data,
+                "WEBP",
+                save_all=True,
+                append_images=frames[1:],
+                duration=durations,
+                loop=0,
+                quality=quality,
+                method=2,
             )
             if data.tell() < _LARGEST_ANIMATION:
                 break

@@ -98,8 +98,8 @@ def precompute(
     check_room(drawn, path)
 
     job = {"scene": scene.content_hash(), "columns": str(columns), "version": _core.__version__, **asdict(settings)}
-    writer = _core.TransportWriter(path, json.dumps(job, sort_keys=True))
-    run = _Run(scene, columns, settings, writer, reporter(progress, scene.name))
+    run = _Run(scene, columns, settings, reporter(progress, scene.name))
+    run.writer = _core.TransportWriter(path, json.dumps(job, sort_keys=True))
     error, threshold = run.trace()
     run.finish(drawn, error, threshold)
     return Transport.open(path)
@@ -108,10 +108,11 @@ def precompute(
 class _Run:
     """One precomputation: find the receivers, look at some of them, then trace tile after tile."""
 
-    def __init__(
-        self, scene: Scene, columns: Columns, settings: Quality, writer: _core.TransportWriter, tell: Progress
-    ) -> None:
-        self.scene, self.columns, self.settings, self.writer, self.tell = scene, columns, settings, writer, tell
+    writer: _core.TransportWriter
+    """Given once the receivers are found: a camera that sees nothing must leave nothing on the disk."""
+
+    def __init__(self, scene: Scene, columns: Columns, settings: Quality, tell: Progress) -> None:
+        self.scene, self.columns, self.settings, self.tell = scene, columns, settings, tell
         camera = scene.camera
         right, up, forward = camera.basis()
         core = _core.Scene(scene.vertices, scene.triangles, scene.material)

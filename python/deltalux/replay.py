@@ -13,7 +13,7 @@ from .environment import Environment
 from .methods import Method
 from .motion import Motion
 from .progress import Progress
-from .relight import Frame, Relighter
+from .relight import Relighter
 from .transport import Transport
 
 __all__ = ["Record", "Replay", "Row", "Still", "hold_still", "relative_errors", "replay", "time_frames"]
@@ -60,6 +60,7 @@ class Still:
     """What followed when the light stood still until PBI had all of it, and then moved on."""
 
     method: str
+    threads: int
     frames: int
     most_frames: int
     exact: bool
@@ -119,7 +120,7 @@ def replay(
     The first row must be the exact method: its light, on the dyadic grid of the products, is what errors of light are
     relative to, and its own error tells whether a follower that never starts anew stays exact.
     """
-    result = Replay(env.name, {row.name: [] for row in rows}, {row.name: [] for row in rows})  # type: ignore[misc]
+    result = Replay(env.name, {row.name: [] for row in rows})
     relighters = {row.name: Relighter(transport, row.method, row.initial) for row in rows}
     bands, areas, cost = transport.columns.bands, transport.columns.areas[:, None], transport.column_bytes
     chosen = {row.name: np.zeros(int(bands[-1]) + 1) for row in rows}
@@ -136,7 +137,10 @@ def replay(
                 exact_light = values
                 exact = transport.multiply(values)
                 picture = transport.image(exact)
-            light_error = relative_errors(areas * values, areas * exact_light)[0], relative_errors(values, exact_light)[1]
+            light_error = (
+                relative_errors(areas * values, areas * exact_light)[0],
+                relative_errors(values, exact_light)[1],
+            )
             image_error = relative_errors(transport.image(frame.values), picture)
             result.records[row.name].append(
                 Record(
@@ -188,17 +192,31 @@ def time_frames(
     return seconds, relighters
 
 
-def hold_still(transport: Transport, env: Environment, motion: Motion, row: Row, relighter: Relighter) -> Still:
-    """Holds the light until a follower has all of it; then turns on, at the highest speed, and jumps a quarter turn."""
+def hold_still(
+    transport: Transport, env: Environment, motion: Motion, row: Row, relighter: Relighter, records: Sequence[Record]
+) -> Still:
+    """Holds the light until a follower has all of it; then turns on, at the highest speed, and jumps a quarter turn.
+
+    `relighter` has followed the whole motion, as `records` tell.
+    """
     final, columns = motion.angles[-1], transport.shape[1]
     light = env.rotated(final, motion.axis)
-    most = -(-columns // max(row.budget or columns, 1)) + 1
-    frames, frame = motion.hold, relighter.step(light)
-    while not frame.converged and frames < motion.hold + most:
+    most = -(-columns // max(row.budget or columns, 1))
+    held = [record.frame - motion.stop for record in records[motion.stop :] if record.converged]
+    frames, frame = motion.hold + 1, relighter.step(light)
+    while not frame.converged and frames <= most:
         frame, frames = relighter.step(light), frames + 1
     exact = frame.converged and np.array_equal(frame.values, transport.multiply(relighter.values))
-    restart: Frame = relighter.step(env.rotated(final + motion.degrees_a_frame, motion.axis))
-    jump: Frame = relighter.step(env.rotated(final + 90.0, motion.axis))
+    restarted = relighter.step(env.rotated(final + motion.degrees_a_frame, motion.axis))
+    jumped = relighter.step(env.rotated(final + 90.0, motion.axis))
     return Still(
-        row.name, frames + 1, most, exact, restart.seconds, restart.resets, jump.seconds, jump.resets
+        method=row.name,
+        threads=_core.threads(),
+        frames=min([frames, *held]),
+        most_frames=most,
+        exact=exact,
+        restart_seconds=restarted.seconds,
+        restart_resets=restarted.resets,
+        jump_seconds=jumped.seconds,
+        jump_resets=jumped.resets,
     )

@@ -57,7 +57,14 @@ def _file_names(envs: Sequence[Environment], motion: Motion) -> list[str]:
     names = ["index.html", "frames.csv", "methods.csv", "bytes.csv", "error-against-bytes.png"]
     for k, env in enumerate(envs):
         slug = _slug(env, k)
-        kinds = ("error-against-frame.png", "error-against-time.png", "resets.png", "terms.png", "strip.png", "animation.webp")
+        kinds = (
+            "error-against-frame.png",
+            "error-against-time.png",
+            "resets.png",
+            "terms.png",
+            "strip.png",
+            "animation.webp",
+        )
         names += [f"{slug}-{kind}" for kind in kinds]
         names += [f"{stem}{suffix}" for stem in _frame_names(slug, motion).values() for suffix in (".png", ".exr")]
     return names
@@ -128,9 +135,7 @@ def report(
     for k, light in enumerate(envs):
         slug = _slug(light, k)
         result, gallery = _measure(transport, light, motion, progress)
-        errors = {
-            (name, frame): result.records[name][frame].image_l2 for name in STRIP for frame, _ in motion.moments
-        }
+        errors = {(name, frame): result.records[name][frame].image_l2 for name in STRIP for frame, _ in motion.moments}
         step = reporter(progress, f"{light.name}: pictures")
         step(0, 3)
         gallery.save_strip(path / f"{slug}-strip.png", errors)
@@ -158,5 +163,5 @@ def _measure(
             transport, env, motion, METHODS, threads=threads, progress=tell
         )
     row = next(row for row in METHODS if row.name == "PBI-30")
-    result.still = hold_still(transport, env, motion, row, followers[row.name])
+    result.still = hold_still(transport, env, motion, row, followers[row.name], result.records[row.name])
     return result, gallery

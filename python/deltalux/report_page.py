@@ -126,9 +126,9 @@ def _opening(page: Page, transport: Transport, motion: Motion, chapters: Sequenc
     names = ", ".join(result.environment for _, result, _, _ in chapters)
     rows, columns = transport.shape
     page.text(
-        f"The light turns {motion}. Every method follows it over one precomputed transport of {rows:,} receivers and "
-        f"{columns:,} columns ({transport.nbytes / 1e6:,.1f} MB), and is held against the exact product, frame by frame. "
-        f"Light: {names}."
+        f"The light turns {motion}. Every method follows it over one precomputed transport of {rows:,} receivers "
+        f"and {columns:,} columns ({transport.nbytes / 1e6:,.1f} MB), and is held against the exact product, frame by "
+        f"frame. Light: {names}."
     )
     links = "".join(f'<a href="#{slug}">{escape(result.environment)}</a>' for slug, result, _, _ in chapters)
     tables = '<a href="frames.csv">frames.csv</a><a href="methods.csv">methods.csv</a>'
@@ -142,8 +142,8 @@ def _chapter(page: Page, chapter: Chapter, summary: list[dict[str, Any]], motion
     page.add(
         figure(
             f"{slug}-animation.webp",
-            "The exact product beside three methods with 30 terms a frame. NWA starts anew in every frame, BI only adds "
-            "changes, PBI decides for every band of wavelets.",
+            "The exact product beside three methods with 30 terms a frame. NWA starts anew in every frame, BI only "
+            "adds changes, PBI decides for every band of wavelets.",
             f"Animation of the exact product, NWA-30, BI-30 and PBI-30 under {name}",
         )
     )
@@ -152,15 +152,16 @@ def _chapter(page: Page, chapter: Chapter, summary: list[dict[str, Any]], motion
     marks = {"holds": "holds", "does not hold": "fails"}
     page.add(table(("Claim", "Here", "Figures"), found, words=True, marks=marks))
     page.text(
-        "The papers make these claims for a map of many lights that turns by some 45 degrees in 100 frames. Under one lamp or "
-        "sun that outshines the rest, and at higher speeds, they need not hold."
+        "The papers make these claims for a map of many lights that turns by some 45 degrees in 100 frames. Under one "
+        "lamp or sun that outshines the rest, and at higher speeds, they need not hold."
     )
     page.heading("Four moments", 3)
     page.add(
         figure(
             f"{slug}-strip.png",
-            "Methods down, moments across; below each approximation its difference from the exact picture, made brighter "
-            "by the factor at the left. The figure in a corner is the relative L2 error of the image (surfaces only).",
+            "Methods down, moments across; below each approximation its difference from the exact picture, made "
+            "brighter by the factor at the left. The figure in a corner is the relative L2 error of the image "
+            "(surfaces only).",
             f"Strip of methods at four moments under {name}",
         )
     )
@@ -176,14 +177,19 @@ def _chapter(page: Page, chapter: Chapter, summary: list[dict[str, Any]], motion
         "mean square of the picture. Times are of rotating frames; max is over all frames but the first, which for "
         "methods that follow is a whole product. M read is what a frame streams of the transport, and state is what a "
         "follower holds beyond it. After the light has stood still until "
-        f"{still.method} had all of it, the first frame of a new movement took {1e3 * still.restart_seconds:.2f} ms at the "
-        f"highest speed (resets: {_bands(still.restart_resets)}) and {1e3 * still.jump_seconds:.2f} ms for a jump by 90 "
-        f"degrees (resets: {_bands(still.jump_resets)}), on two threads."
+        f"{still.method} had all of it, the first frame of a new movement took {1e3 * still.restart_seconds:.2f} ms at "
+        f"the highest speed (resets: {_bands(still.restart_resets)}) and {1e3 * still.jump_seconds:.2f} ms for a jump "
+        f"by 90 degrees (resets: {_bands(still.jump_resets)}), with {still.threads} threads."
     )
     page.heading("Relit frames", 3)
     page.text(f"Each as PNG (exposure {exposure:+.2f} stops, sRGB, nothing else) and as EXR in linear radiance.")
     cards = [
-        figure(f"{stem}.png", f'{escape(method)}, frame {frame}: <a href="{stem}.exr">EXR</a>', f"{method}, frame {frame}", f"{stem}.png")
+        figure(
+            f"{stem}.png",
+            f'{escape(method)}, frame {frame}: <a href="{stem}.exr">EXR</a>',
+            f"{method}, frame {frame}",
+            f"{stem}.png",
+        )
         for (method, frame), stem in stems.items()
     ]
     page.add(f'<div class="gallery">{"".join(cards)}</div>')
@@ -193,8 +199,8 @@ _PLOTS = (
     (
         "error-against-frame",
         "Error against frame",
-        "Relative to the exact light and the exact image. The papers' measure of light is the sum over columns and colours "
-        "of the wavelet's area times the absolute difference of orthonormal coefficients.",
+        "Relative to the exact light and the exact image. The papers' measure of light is the sum over columns and "
+        "colours of the wavelet's area times the absolute difference of orthonormal coefficients.",
     ),
     (
         "error-against-time",
@@ -216,7 +222,16 @@ _HEADINGS = (
 def _line(line: dict[str, Any]) -> list[str]:
     """One method, in the order of `_HEADINGS`."""
     errors = ("light_l1_mean", "light_l2_mean", "image_l1_mean", "image_l2_mean", "image_worst", "image_l2_end")
-    times = ("p50_ms_1", "p95_ms_1", "max_ms_1", "choosing_p50_ms_1", "multiplying_p50_ms_1", "p50_ms_2", "p95_ms_2", "max_ms_2")
+    times = (
+        "p50_ms_1",
+        "p95_ms_1",
+        "max_ms_1",
+        "choosing_p50_ms_1",
+        "multiplying_p50_ms_1",
+        "p50_ms_2",
+        "p95_ms_2",
+        "max_ms_2",
+    )
     return [
         line["method"],
         *(_percent(line[name]) for name in errors),
@@ -249,7 +264,7 @@ def _size(
         f"{state:,} bytes beyond M. The papers' recipe, one float image for every band and a copy of the light, takes "
         f"{formula:,} bytes for this picture ({_PAPER_BYTES:,} at 512 x 512 with six bands)."
     )
-    page.text(f"Truncation as the file states it: {_stated(transport)}.")
+    page.text(f"Truncation, as the file states it: {_stated(transport)}.")
     if not points:
         page.text("This transport keeps no untruncated rows, so no curve of error against bytes can be drawn.")
         return
@@ -257,32 +272,38 @@ def _size(
         figure(
             "error-against-bytes.png",
             "Truncation only, against the untruncated product: relative L2 error of the light that the audited rows "
-            "reflect. Bytes are extrapolated from those rows, a sample of M, to all rows; the stars are this transport, "
-            "with its true size and its error measured on the same rows.",
+            "reflect. Bytes are extrapolated from those rows, a sample of M, to all rows; the stars are this "
+            "transport, with its true size and its error measured on the same rows.",
             "Error against bytes",
         )
     )
     names = list(points[0].errors)
     headings = ("Truncation asked for", "MB", *(f"{name} %" for name in names), "one-texel sun, mean %", "worst %")
     lines = [
-        (p.label, f"{p.megabytes:,.1f}", *(_percent(p.errors[name]) for name in names), _percent(p.sun_mean), _percent(p.sun_worst))
+        (
+            p.label,
+            f"{p.megabytes:,.1f}",
+            *(_percent(p.errors[name]) for name in names),
+            _percent(p.sun_mean),
+            _percent(p.sun_worst),
+        )
         for p in points
     ]
     page.add(table(headings, lines))
 
 
 def _stated(transport: Transport) -> str:
-    notes = [note for note in transport.plan.notes if note.startswith("truncation:")]
-    return notes[-1].removeprefix("truncation: ") if notes else f"{100 * transport.plan.tolerance:g} %"
+    notes = [note for note in transport.plan.notes if note.startswith("truncated")]
+    return notes[-1] if notes else f"{100 * transport.plan.tolerance:g} %"
 
 
 def _method(page: Page, motion: Motion) -> None:
     page.heading("How it was measured", anchor="how")
     page.text(
-        "The reference of every frame is a fresh product of the whole light, and its light is the rotated environment on "
-        "the grid of the products. The error of light is measured on orthonormal coefficients; L1 is weighted by the area "
-        "of each wavelet. The angle follows t\N{SUPERSCRIPT TWO}(3 \N{MINUS SIGN} 2t). Run times come from passes of "
-        "their own, in which the methods take turns; a neighbour on the machine shows in the 95th percentile and the "
-        "maximum."
+        "The reference of every frame is a fresh product of the whole light, and its light is the rotated environment "
+        "on the grid of the products. The error of light is measured on orthonormal coefficients; L1 is weighted by "
+        "the area of each wavelet. The angle follows t\N{SUPERSCRIPT TWO}(3 \N{MINUS SIGN} 2t). Run times come from "
+        "passes of their own, in which the methods take turns; a neighbour on the machine shows in the 95th percentile "
+        "and the maximum."
     )
     page.add(table(("Machine and run", ""), list(machine().items()), words=True))

@@ -52,7 +52,9 @@ def size_curve(transport: Transport, envs: Sequence[Environment], motion: Motion
     suns = _suns(transport)
 
     def errors(multiply) -> tuple[dict[str, float], float, float]:  # type: ignore[no-untyped-def]
-        of = {name: float(np.mean(_error(multiply(V), audit.multiply(V)[:, real], weight))) for name, V in lights.items()}
+        of = {
+            name: float(np.mean(_error(multiply(V), audit.multiply(V)[:, real], weight))) for name, V in lights.items()
+        }
         sun = _error(multiply(suns), audit.multiply(suns)[:, real], weight)
         return of, float(np.mean(sun)), float(np.max(sun))
 
@@ -82,7 +84,7 @@ def _turning(transport: Transport, env: Environment, motion: Motion) -> NDArray[
 
 def _suns(transport: Transport) -> NDArray[np.float64]:
     """V of single bright texels of the upper half of the sky, (k, columns, 3)."""
-    n = transport.columns.size
+    n = getattr(transport.columns, "size", 32)
     random = np.random.default_rng(1)
     maps = np.zeros((_SUNS, 6, n, n, 3), np.float32)
     for cubemap in maps:

@@ -1,4 +1,4 @@
-"""The papers' claims (Overbeck 2006, section 6.3), each held against this run: it holds or it does not, with figures."""
+"""The papers' claims (Overbeck 2006, section 6.3), each held against this run: it holds or does not, with figures."""
 
 from __future__ import annotations
 
@@ -27,7 +27,16 @@ class Verdict:
 
 def verdicts(result: Replay, motion: Motion) -> list[Verdict]:
     """What can be said of one environment's replay."""
-    rules = (_as_nwa_100, _better_than_bi, _below_nwa_500, _coarse_bands_stay, _coarse_terms, _still_light, _follower, _bound)
+    rules = (
+        _as_nwa_100,
+        _better_than_bi,
+        _below_nwa_500,
+        _coarse_bands_stay,
+        _coarse_terms,
+        _still_light,
+        _follower,
+        _bound,
+    )
     return [rule(result, motion) for rule in rules]
 
 
@@ -101,7 +110,7 @@ def _still_light(result: Replay, motion: Motion) -> Verdict:
     still = result.still
     assert still is not None
     return Verdict(
-        f"Light that stands still is reached exactly, and the picture is then a fresh product's, bit for bit ({still.method}).",
+        f"Light that stands still is reached exactly by {still.method}: the picture is a fresh product's, bit for bit.",
         still.exact,
         f"{still.frames} frames after the stop; at most {still.most_frames} are needed",
     )
