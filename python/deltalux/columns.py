@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from .environment import Environment
+from .environment import Environment, _rotation
 
 __all__ = ["Columns", "Haar", "SphericalHarmonics", "parse"]
 
@@ -138,7 +138,7 @@ class SphericalHarmonics:
         """1 for every column, since all cover the whole sphere: (columns,) float64, read-only."""
         return _read_only(np.ones(self.columns))
 
-    def coefficients(self, env: Radiance) -> NDArray[np.float64]:
+    def coefficients(self, env: Environment) -> NDArray[np.float64]:
         """V: the integral over the sphere of the environment's radiance times each function, (columns, 3) float64.
 
         Each map of the environment is projected once, unrotated, as a cubemap with 64 x 64 texels a face; its rotation
@@ -172,8 +172,6 @@ class SphericalHarmonics:
 
         Turn the original coefficients by the whole angle every frame: turns of turns add up their rounding.
         """
-        from .environment import _rotation
-
         return _core.harmonic_rotation(self._checked(V), _rotation(degrees, axis).tolist())
 
     def windowed(self, V: ArrayLike, width: float | None = None) -> NDArray[np.float64]:
