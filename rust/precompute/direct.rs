@@ -86,9 +86,38 @@ impl Normals {
     }
 }
 
-/// Room for one group of 16 rows, kept by each thread.
+/// Neighbouring directions that are traced together, and the answers.
+#[derive(Default)]
+struct Beams {
+    directions: Vec<[f32; 3]>,
+    active: Vec<u64>,
+    blocked: Vec<u64>,
+}
+
+impl Beams {
+    fn clear(&mut self) {
+        self.directions.clear();
+        self.active.clear();
+    }
+
+    fn push(&mut self, direction: [f32; 3], active: u64) {
+        self.directions.push(direction);
+        self.active.push(active);
+    }
+
+    /// Returns how many rays that were.
+    fn trace(&mut self, tracer: &Tracer, bundle: &Bundle, walk: &mut Walk) -> u64 {
+        self.blocked.clear();
+        self.blocked.resize(self.directions.len(), 0);
+        tracer.blocked_each(bundle, &self.directions, &self.active, walk, &mut self.blocked);
+        self.active.iter().map(|active| u64::from(active.count_ones())).sum()
+    }
+}
+
+/// Room for one bundle and one group of 16 rows, kept by each thread.
 struct Room {
     walk: Walk,
+    beams: Beams,
     texels: Scratch,
     coefficients: Vec<[f32; GROUP]>,
 }
@@ -200,6 +229,7 @@ impl DirectPass {
     fn room(&self) -> Room {
         Room {
             walk: Walk::default(),
+            beams: Beams::default(),
             texels: self.projection.scratch(),
             coefficients: vec![[0.0; GROUP]; self.bands.columns()],
         }
@@ -209,25 +239,27 @@ impl DirectPass {
     fn view(&self, rows: Range<usize>, room: &mut Room) -> View {
         let normals = Normals::new(&self.receivers.normal[rows.clone()]);
         let bundle = Bundle::new(&self.receivers.origin[rows.clone()], &self.receivers.normal[rows]);
+        let count = self.texels.len();
+        let mut view = View { open: vec![0; count], edges: Vec::new(), rays: Rays::default() };
+        let above: Vec<u64> = self.texels.centre.iter().map(|&direction| normals.above(direction)).collect();
         room.walk.begin(&bundle);
-        let mut rays = Rays::default();
-        let (mut above, mut open) = (Vec::with_capacity(self.texels.len()), Vec::with_capacity(self.texels.len()));
-        for &direction in &self.texels.centre {
-            let active = normals.above(direction);
-            rays.first += active.count_ones() as u64;
-            above.push(active);
-            open.push(active & !self.tracer.blocked(&bundle, direction, active, &mut room.walk));
-        }
-        let mut edges = Vec::new();
-        if self.edge_side > 0 {
-            for texel in 0..self.texels.len() {
-                let unlike = self.unlike_a_neighbour(texel, &above, &open);
-                if unlike != 0 {
-                    edges.push(self.edge_texel(texel, unlike, &bundle, &normals, room, &mut rays));
-                }
+        for block in &self.texels.blocks {
+            room.beams.clear();
+            for &texel in block {
+                room.beams.push(self.texels.centre[texel as usize], above[texel as usize]);
+            }
+            view.rays.first += room.beams.trace(&self.tracer, &bundle, &mut room.walk);
+            for (&texel, &blocked) in block.iter().zip(&room.beams.blocked) {
+                view.open[texel as usize] = above[texel as usize] & !blocked;
             }
         }
-        View { open, edges, rays }
+        if self.edge_side > 0 {
+            for block in &self.texels.blocks {
+                self.edges(block, &above, &bundle, &normals, room, &mut view);
+            }
+        }
+        view.edges.sort_unstable_by_key(|edge| edge.texel);
+        view
     }
 
     /// Receivers that see this texel and a neighbour above the horizon differently.
@@ -238,29 +270,38 @@ impl DirectPass {
         })
     }
 
-    fn edge_texel(
+    /// Measures the texels of a block that an edge runs through, all their samples in one go.
+    fn edges(
         &self,
-        texel: usize,
-        rows: u64,
+        block: &[u32],
+        above: &[u64],
         bundle: &Bundle,
         normals: &Normals,
         room: &mut Room,
-        rays: &mut Rays,
-    ) -> EdgeTexel {
+        view: &mut View,
+    ) {
         let samples = self.edge_side * self.edge_side;
-        let mut mean = [0.0f32; BUNDLE];
-        let mut cosines = [0.0f32; BUNDLE];
-        for k in 0..samples {
-            let direction = self.texels.sample(texel, self.edge_side, k);
-            let active = rows & normals.above(direction);
-            rays.edge += active.count_ones() as u64;
-            let open = active & !self.tracer.blocked(bundle, direction, active, &mut room.walk);
-            normals.cosines(direction, 0, &mut cosines);
-            for (ray, sum) in mean.iter_mut().enumerate() {
-                *sum += if open >> ray & 1 == 1 { cosines[ray] } else { 0.0 };
+        let first = view.edges.len();
+        room.beams.clear();
+        for &texel in block {
+            let rows = self.unlike_a_neighbour(texel as usize, above, &view.open);
+            if rows != 0 {
+                view.edges.push(EdgeTexel { texel, rows, mean: [0.0; BUNDLE] });
+                for k in 0..samples {
+                    let direction = self.texels.sample(texel as usize, self.edge_side, k);
+                    room.beams.push(direction, rows & normals.above(direction));
+                }
             }
         }
-        EdgeTexel { texel: texel as u32, rows, mean: mean.map(|sum| sum / samples as f32) }
+        view.rays.edge += room.beams.trace(&self.tracer, bundle, &mut room.walk);
+        let mut cosines = [0.0f32; BUNDLE];
+        for (beam, &direction) in room.beams.directions.iter().enumerate() {
+            let open = room.beams.active[beam] & !room.beams.blocked[beam];
+            normals.cosines(direction, 0, &mut cosines);
+            for (ray, sum) in view.edges[first + beam / samples].mean.iter_mut().enumerate() {
+                *sum += if open >> ray & 1 == 1 { cosines[ray] / samples as f32 } else { 0.0 };
+            }
+        }
     }
 
     /// The transport rows of 16 receivers of a bundle, as coefficients in `room.coefficients`.

@@ -7,6 +7,8 @@ pub(super) struct Texels {
     pub size: usize,
     /// Unit direction of the centre.
     pub centre: Vec<[f32; 3]>,
+    /// Texels by blocks of at most 8 x 8 neighbours: directions that are traced together.
+    pub blocks: Vec<Vec<u32>>,
     /// The four texels that share an edge, over the borders of faces too.
     pub neighbours: Vec<[u32; 4]>,
 }
@@ -19,7 +21,12 @@ fn unit(point: [f64; 3]) -> [f32; 3] {
 impl Texels {
     pub fn new(size: usize) -> Self {
         let count = 6 * size * size;
-        let mut texels = Texels { size, centre: Vec::with_capacity(count), neighbours: Vec::with_capacity(count) };
+        let mut texels = Texels {
+            size,
+            centre: Vec::with_capacity(count),
+            blocks: blocks(size),
+            neighbours: Vec::with_capacity(count),
+        };
         for texel in 0..count {
             let (face, row, column) = texels.place(texel);
             let (s, t) = (texel_centre(size, column), texel_centre(size, row));
@@ -52,6 +59,18 @@ impl Texels {
         let coordinate = |whole: usize, part: f64| (2.0 * (whole as f64 + part / side as f64)) / self.size as f64 - 1.0;
         unit(face_point(face, coordinate(column, sub_column), coordinate(row, sub_row)))
     }
+}
+
+fn blocks(size: usize) -> Vec<Vec<u32>> {
+    let side = size.min(8);
+    let per_face = size / side;
+    let block = |number: usize| {
+        let (face, row, column) =
+            (number / (per_face * per_face), number / per_face % per_face * side, number % per_face * side);
+        let texel = |k: usize| face * size * size + (row + k / side) * size + column + k % side;
+        (0..side * side).map(|k| texel(k) as u32).collect()
+    };
+    (0..6 * per_face * per_face).map(block).collect()
 }
 
 /// Two numbers in [0, 1) that depend on nothing but the index (SplitMix64).

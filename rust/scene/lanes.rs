@@ -19,6 +19,8 @@ pub(super) trait Lanes: Copy {
     fn lt(self, other: Self) -> u32;
     /// Lane l of `yes` where bit l is set, else of `no`.
     fn select(bits: u32, yes: Self, no: Self) -> Self;
+    /// Lane l of the result is the least lane of `of[l]`.
+    fn least_each(of: &[Self; 8]) -> Self;
 
     #[inline(always)]
     fn dot(x: Self, y: Self, z: Self, axis: &[Self; 3]) -> Self {
@@ -95,6 +97,10 @@ impl Lanes for Portable {
     fn select(bits: u32, yes: Self, no: Self) -> Self {
         Portable(std::array::from_fn(|lane| if bits >> lane & 1 == 1 { yes.0[lane] } else { no.0[lane] }))
     }
+    #[inline(always)]
+    fn least_each(of: &[Self; 8]) -> Self {
+        Portable(std::array::from_fn(|lane| of[lane].0.iter().fold(f32::INFINITY, |a, &b| if a < b { a } else { b })))
+    }
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -168,6 +174,22 @@ mod avx2 {
                 let lane = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
                 let set = _mm256_cmpeq_epi32(_mm256_and_si256(_mm256_set1_epi32(bits as i32), lane), lane);
                 Avx2(_mm256_blendv_ps(no.0, yes.0, _mm256_castsi256_ps(set)))
+            }
+        }
+        #[inline(always)]
+        fn least_each(of: &[Self; 8]) -> Self {
+            // Half a transposition at each step, the two halves folded at once: 8 x 8 -> 4 x 8 -> 2 x 8 -> 8.
+            unsafe {
+                let pair = |a: __m256, b: __m256| _mm256_min_ps(_mm256_unpacklo_ps(a, b), _mm256_unpackhi_ps(a, b));
+                let four = |a: __m256, b: __m256| {
+                    _mm256_min_ps(_mm256_shuffle_ps::<0x44>(a, b), _mm256_shuffle_ps::<0xee>(a, b))
+                };
+                let low = four(pair(of[0].0, of[1].0), pair(of[2].0, of[3].0));
+                let high = four(pair(of[4].0, of[5].0), pair(of[6].0, of[7].0));
+                Avx2(_mm256_min_ps(
+                    _mm256_permute2f128_ps::<0x20>(low, high),
+                    _mm256_permute2f128_ps::<0x31>(low, high),
+                ))
             }
         }
     }

@@ -17,9 +17,9 @@ const MAX_SURFACES: usize = 4;
 const SAME_NORMAL: f64 = 0.9;
 /// How far, relative to its distance, another point of one surface may lie off the tangent plane.
 const SAME_PLANE: f64 = 0.3;
-/// Rows are ordered by material inside blocks of this many pixels a side: neighbouring rows then lie on one surface, and
-/// beams and groups of 16 rows stay coherent.
-const BLOCK: usize = 16;
+/// Inside blocks of this many pixels a side rows are ordered by where they lie in space: neighbouring rows are then near
+/// each other, even among leaves, and beams and groups of 16 rows stay coherent.
+const BLOCK: usize = 32;
 
 /// How closely a pixel is looked at.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -164,6 +164,12 @@ fn interleave(column: usize, row: usize) -> u64 {
     (0..16).fold(0, |code, bit| code | ((column >> bit & 1) as u64) << (2 * bit) | ((row >> bit & 1) as u64) << (2 * bit + 1))
 }
 
+/// The place of a point of the normalised scene along a Morton curve, 21 bits an axis.
+fn along_curve(point: [f64; 3]) -> u64 {
+    let cells = point.map(|x| (((x + 1.0) * 0.5).clamp(0.0, 1.0) * 2_097_151.0) as u64);
+    (0..21).fold(0, |code, bit| (0..3).fold(code, |code, axis| code | (cells[axis] >> bit & 1) << (3 * bit + axis)))
+}
+
 impl Receivers {
     /// Finds the receivers of every pixel of a camera. `material` has one entry for each of the user's triangles.
     pub fn of_pixels(
@@ -200,7 +206,7 @@ impl Receivers {
         Self::in_order(width, height, sampling, &pixels)
     }
 
-    /// Lays the rows out: blocks of pixels in Morton order, materials together inside a block.
+    /// Lays the rows out: blocks of pixels in Morton order, and along a Morton curve in space inside a block.
     fn in_order(width: usize, height: usize, sampling: PixelSampling, pixels: &[Vec<Pixel>]) -> Receivers {
         let per_pixel = if sampling == PixelSampling::Edges { 3 } else { 1 };
         let mut receivers =
@@ -212,7 +218,7 @@ impl Receivers {
                 receivers.rays += pixel.rays;
                 let block = interleave(column / BLOCK, row / BLOCK);
                 for &(seen, weight) in &pixel.surfaces {
-                    let key = (block, seen.material, interleave(column, row));
+                    let key = (block, along_curve(seen.point), interleave(column, row));
                     rows.push((key, (row * width + column) as u32, seen, weight));
                 }
             }

@@ -1,0 +1,262 @@
+"""The command line: arguments become settings, settings become calls; nothing is computed here.
+
+Every error that a user can cause is one sentence on standard error and exit status 2; Ctrl-C is 130.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import warnings
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NoReturn
+
+from . import _core
+from .camera import Camera
+from .demo import COLUMNS, FOLDER, SIZE, demo
+from .environment import Environment
+from .frames import FORMATS, check_frames, relight_frames
+from .methods import WEIGHTS, Full, Incremental, Method, Nonlinear, PerBand
+from .motion import Motion
+from .plan import QUALITIES
+from .precompute import plan, precompute
+from .report import check_report, report
+from .scene import Scene
+from .scenes import SCENES
+from .skies import BUILTIN
+from .transport import Transport
+
+__all__ = ["main"]
+
+_RESUME = "stopped; the same command resumes where it left off"
+_METHODS: dict[str, Callable[..., Method]] = {"nwa": Nonlinear, "bi": Incremental, "pbi": PerBand}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs one command and returns its exit status: 0, 2 after an error, 130 after Ctrl-C."""
+    chosen = None
+    try:
+        chosen = _parser().parse_args(arguments)
+        with warnings.catch_warnings():
+            warnings.simplefilter("always", UserWarning)
+            warnings.showwarning = _warn
+            if chosen.threads is not None:
+                _core.set_threads(chosen.threads)
+            chosen.run(chosen)
+    except KeyboardInterrupt:
+        return _stop(130, getattr(chosen, "when_stopped", "stopped"))
+    except BrokenPipeError:
+        # Whoever reads our output has enough of it; Python must not complain again at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except (ValueError, OSError, MemoryError) as error:
+        return _stop(2, f"error: {_sentence(error)}")
+    return 0
+
+
+def _stop(status: int, message: str) -> int:
+    # A bar may be standing on the line.
+    start = "\n" if status == 130 and sys.stderr.isatty() else ""
+    print(f"{start}deltalux: {message}", file=sys.stderr)
+    return status
+
+
+def _sentence(error: BaseException) -> str:
+    """The message of an error on one line; of the system's errors, what happened and to which file."""
+    if isinstance(error, MemoryError):
+        return "there is not enough memory; take fewer pixels or columns"
+    if isinstance(error, OSError) and error.strerror:
+        where = f"{error.filename}: " if error.filename is not None else ""
+        what = error.strerror.partition(" (os error ")[0]
+        return f"{where}{what[0].lower()}{what[1:]}"
+    return " ".join(str(error).split())
+
+
+def _warn(message: Warning | str, *_: Any, **__: Any) -> None:
+    print(f"deltalux: warning: {' '.join(str(message).split())}", file=sys.stderr)
+
+
+class _Parser(argparse.ArgumentParser):
+    """Errors in arguments look like all others."""
+
+    def error(self, message: str) -> NoReturn:
+        raise ValueError(f"{message} ({self.prog} --help says more)")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(prog="deltalux", description="Precomputed light transport of still scenes, relit as the light moves.")
+    parser.add_argument("--version", action="version", version=f"deltalux {_core.__version__}")
+    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=_Parser)
+
+    command = _command(commands, "demo", _demo, "a plant under a turning sky, from triangles to a page, in two minutes")
+    command.set_defaults(when_stopped="stopped; the same command resumes the precomputation where it left off")
+    command.add_argument("-o", "--output", default=FOLDER, metavar="FOLDER", help="default: %(default)s")
+    command.add_argument("--size", type=_size, default=SIZE, metavar="WxH", help=f"default: {SIZE[0]}x{SIZE[1]}")
+    command.add_argument("--columns", default=COLUMNS, metavar="haar:N", help="default: %(default)s")
+    command.add_argument("--frames", type=int, default=100, help="default: %(default)s")
+    command.add_argument("--hold", type=int, default=25, help="frames of standing still; default: %(default)s")
+
+    command = _command(commands, "precompute", _precompute, "trace the light transport of a scene")
+    command.set_defaults(when_stopped=_RESUME)
+    command.add_argument("scene", metavar="SCENE", help=f"{', '.join(SCENES)}, or a .glb, .gltf, .obj, .ply or .stl file")
+    command.add_argument("-o", "--output", metavar="FILE", help="directory to make, by custom NAME.transport")
+    command.add_argument("--size", type=_size, metavar="WxH", help="pixels; default: the scene's own camera")
+    command.add_argument("--columns", default="haar:64", metavar="haar:N", help="basis of the light; default: %(default)s")
+    command.add_argument("--camera", type=_camera, metavar="PX,PY,PZ:TX,TY,TZ[:FOV]", help="position, target, degrees")
+    command.add_argument("--quality", choices=QUALITIES, default="publication", help="default: %(default)s")
+    command.add_argument("--tolerance", type=float, help="relative error of the image from truncation, such as 0.01")
+    command.add_argument("--plan", action="store_true", help="only say what would be computed and what it would cost")
+
+    command = _command(commands, "info", _info, "what a transport holds")
+    command.add_argument("transport", metavar="TRANSPORT")
+
+    command = _command(commands, "relight", _relight, "frames of a transport under a turning light")
+    _add_light(command, rotate=180.0, hold=0)
+    command.add_argument("--method", choices=("full", *_METHODS), default="pbi", help="default: %(default)s")
+    command.add_argument("--terms", type=int, help="columns a frame; default: 30")
+    command.add_argument("--weight", choices=WEIGHTS, default="area", help="what a change is worth; default: %(default)s")
+    command.add_argument("--exposure", type=float, metavar="STOPS", help="of the PNGs; default: chosen from frame 0")
+    command.add_argument("--format", choices=FORMATS, default="png", help="default: %(default)s")
+    command.add_argument("-o", "--output", required=True, metavar="FOLDER")
+
+    command = _command(commands, "report", _report, "all methods against the exact product: error, run time, bytes")
+    _add_light(command, rotate=45.0, hold=25, several=True)
+    command.add_argument("-o", "--output", required=True, metavar="FOLDER")
+    return parser
+
+
+def _command(commands: Any, name: str, run: Callable[[argparse.Namespace], None], what: str) -> argparse.ArgumentParser:
+    command: argparse.ArgumentParser = commands.add_parser(name, help=what, description=what.capitalize() + ".")
+    command.set_defaults(run=run)
+    command.add_argument("--threads", type=int, metavar="N", help="default: all processors")
+    return command
+
+
+def _add_light(command: argparse.ArgumentParser, rotate: float, hold: int, several: bool = False) -> None:
+    command.add_argument("transport", metavar="TRANSPORT")
+    names = f"{', '.join(BUILTIN)}, or a .hdr or .exr file" + ("; may be given again for more chapters" if several else "")
+    command.add_argument("--env", required=True, action="append" if several else "store", metavar="ENV", help=names)
+    layouts = ("latlong", "vertical-cross", "horizontal-cross", "angular", "cube")
+    command.add_argument("--layout", choices=layouts, help="of the file; default: recognised")
+    command.add_argument("--repair", choices=("zero",), help="make NaN and infinite pixels black")
+    command.add_argument("--rotate", type=float, default=rotate, metavar="DEGREES", help="eased in and out; default: %(default)g")
+    command.add_argument("--axis", type=_axis, default="y", metavar="x|y|z|X,Y,Z", help="default: y, which is up")
+    command.add_argument("--frames", type=int, default=100, help="default: %(default)s")
+    command.add_argument("--hold", type=int, default=hold, help="frames of standing still; default: %(default)s")
+
+
+def _size(text: str) -> tuple[int, int]:
+    width, by, height = text.partition("x")
+    if not (by and width.isdecimal() and height.isdecimal()):
+        raise argparse.ArgumentTypeError(f"expected a size like 512x512, got {text!r}")
+    return int(width), int(height)
+
+
+def _vector(text: str) -> tuple[float, float, float]:
+    x, y, z = (float(part) for part in text.split(","))
+    return x, y, z
+
+
+def _axis(text: str) -> str | tuple[float, float, float]:
+    if text in ("x", "y", "z"):
+        return text
+    try:
+        return _vector(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected x, y, z or three numbers like 0,1,0, got {text!r}") from None
+
+
+def _camera(text: str) -> tuple[tuple[float, float, float], tuple[float, float, float], float]:
+    parts = text.split(":")
+    try:
+        position, target = (_vector(part) for part in parts[:2])
+        (fov,) = (float(part) for part in parts[2:]) if len(parts) > 2 else (40.0,)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected a camera like 0,1,5:0,1,0:40, got {text!r}") from None
+    return position, target, fov
+
+
+def _scene(chosen: argparse.Namespace) -> Scene:
+    """A built-in scene or a file, seen as asked."""
+    name = chosen.scene
+    if name not in SCENES and not Path(name).suffix and not os.path.exists(name):
+        raise ValueError(f"expected a scene of {', '.join(SCENES)}, or a file, got {name!r}")
+    camera = None
+    if chosen.camera is not None:
+        position, target, fov = chosen.camera
+        camera = Camera(position, target, vertical_fov=fov)
+    if chosen.size is not None and camera is not None:
+        camera = camera.resized(*chosen.size)
+    scene = Scene.builtin(name, camera) if name in SCENES else Scene.load(name, camera)
+    return scene if chosen.size is None else scene.with_camera(scene.camera.resized(*chosen.size))
+
+
+def _environment(name: str, chosen: argparse.Namespace) -> Environment:
+    if name in BUILTIN:
+        return Environment.builtin(name)
+    if not Path(name).suffix and not os.path.exists(name):
+        raise ValueError(f"expected an environment of {', '.join(BUILTIN)}, or a file, got {name!r}")
+    return Environment.load(name, layout=chosen.layout, repair=chosen.repair)
+
+
+def _demo(chosen: argparse.Namespace) -> None:
+    page = demo(chosen.output, size=chosen.size, columns=chosen.columns, frames=chosen.frames, hold=chosen.hold, say=_say)
+    _say(f"{page.parent.absolute()} holds the pictures, plots and tables; open {page.absolute()} in a browser")
+
+
+def _precompute(chosen: argparse.Namespace) -> None:
+    if chosen.output is None and not chosen.plan:
+        raise ValueError("expected -o FILE, the transport to write, or --plan")
+    scene = _scene(chosen)
+    settings = {"columns": chosen.columns, "quality": chosen.quality, "tolerance": chosen.tolerance}
+    _say(plan(scene, **settings))
+    if not chosen.plan:
+        _say(precompute(scene, chosen.output, **settings))
+        _say(f"{chosen.output} is ready")
+
+
+def _info(chosen: argparse.Namespace) -> None:
+    transport = Transport.open(chosen.transport)
+    _say(transport)
+    _say(transport.plan)
+    _say(f"  {'band':>4} {'columns':>8} {'texels':>7} {'MB':>9}")
+    bands, areas, size = transport.columns.bands, transport.columns.areas, transport.column_bytes
+    for band in range(int(bands[-1]) + 1):
+        own = bands == band
+        _say(f"  {band:>4} {own.sum():>8,} {areas[own].min():>7,.0f} {size[own].sum() / 1e6:>9,.2f}")
+    for name, length in transport._core.files:
+        _say(f"  {name}: {length:,} bytes")
+
+
+def _relight(chosen: argparse.Namespace) -> None:
+    method = _method(chosen)
+    motion = Motion(chosen.rotate, chosen.frames, chosen.hold, chosen.axis)
+    env, transport = _environment(chosen.env, chosen), Transport.open(chosen.transport)
+    check_frames(chosen.output, motion, chosen.format)
+    chosen.when_stopped = f"stopped; the frames so far are in {chosen.output}"
+    said = relight_frames(transport, env, chosen.output, motion, method, exposure=chosen.exposure, kind=chosen.format)
+    _say(said)
+
+
+def _method(chosen: argparse.Namespace) -> Method:
+    if chosen.method == "full":
+        if chosen.terms is not None:
+            raise ValueError("expected no --terms with --method full, which sends all that differs")
+        return Full()
+    return _METHODS[chosen.method](30 if chosen.terms is None else chosen.terms, weight=chosen.weight)
+
+
+def _report(chosen: argparse.Namespace) -> None:
+    motion = Motion(chosen.rotate, chosen.frames, chosen.hold, chosen.axis)
+    envs, transport = [_environment(name, chosen) for name in chosen.env], Transport.open(chosen.transport)
+    check_report(envs, chosen.output, motion)
+    page = report(
+        transport, envs, chosen.output, rotate=chosen.rotate, frames=chosen.frames, hold=chosen.hold, axis=chosen.axis
+    )
+    _say(f"{page.parent.absolute()} holds the report; open {page.absolute()} in a browser")
+
+
+def _say(what: object) -> None:
+    print(what, flush=True)

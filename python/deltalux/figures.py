@@ -1,0 +1,199 @@
+"""The plots of the report (matplotlib without a display)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .motion import Motion
+from .replay import Replay, Row
+from .size_curve import Point
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+__all__ = ["bytes_figure", "frames_figure", "resets_figure", "terms_figure", "time_figure"]
+
+# Okabe and Ito's colours, which colour-blind readers tell apart; shades run with the budget.
+FAMILIES = {"NWA": "#D55E00", "BI": "#009E73", "PBI": "#0072B2", "PBI by transport": "#CC79A7", "exact": "#000000"}
+_MARKERS = {"NWA": "o", "BI": "s", "PBI": "D", "PBI by transport": "^", "exact": "*"}
+_STYLE = {
+    "font.family": "DejaVu Sans",
+    "font.size": 10,
+    "axes.titlesize": 11,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#e3e3e3",
+    "legend.frameon": False,
+    "figure.dpi": 110,
+    "savefig.facecolor": "white",
+}
+_LINES = {
+    "NWA-30": (":", 1.4),
+    "NWA-100": ("--", 1.4),
+    "NWA-500": ("-", 1.4),
+    "BI-30": ("-", 1.6),
+    "PBI-30": ("-", 2.4),
+    "PBI-100": ("--", 1.6),
+}
+
+
+@contextmanager
+def _figure(path: Path, rows: int, columns: int, size: tuple[float, float], **options: Any) -> Iterator[tuple[Figure, Any]]:
+    """A figure that is saved at the end; it needs no display and leaves the caller's matplotlib as it is."""
+    import matplotlib
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    with matplotlib.rc_context(_STYLE):
+        figure = Figure(figsize=size, layout="constrained")
+        FigureCanvasAgg(figure)
+        yield figure, figure.subplots(rows, columns, **options)
+        figure.savefig(path, dpi=110)
+
+
+def _percent(axis: Any) -> None:
+    """Plain percentages on a logarithmic axis."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axis.set_major_locator(LogLocator(10, subs=(1, 2, 5)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def _mark_stop(axes: Axes, motion: Motion) -> None:
+    axes.axvline(motion.stop, color="#888888", linewidth=1)
+    axes.text(motion.stop, 1.01, "stop ", ha="right", va="bottom", color="#555555", fontsize=9, transform=_x_data(axes))
+
+
+def _x_data(axes: Axes) -> Any:
+    return axes.get_xaxis_transform()
+
+
+def frames_figure(path: Path, result: Replay, motion: Motion) -> None:
+    """Error against frame: of the light as in the papers' Fig. 6.2, and of the image."""
+    measures = (
+        ("light_l1", "Light: area-weighted L1 error (%)"),
+        ("image_l2", "Image: L2 error (%)"),
+    )
+    with _figure(path, 2, 1, (8.6, 7.4), sharex=True) as (figure, both):
+        for axes, (what, title) in zip(both, measures, strict=True):
+            for name, (style, width) in _LINES.items():
+                if name not in result.records:
+                    continue
+                error = 100 * result.column(name, what)
+                error[error <= 0] = np.nan
+                axes.plot(error, style, linewidth=width, color=FAMILIES[name.split("-")[0]], label=name)
+            axes.set_yscale("log")
+            axes.set_ylabel(title)
+            _percent(axes.yaxis)
+            _mark_stop(axes, motion)
+        both[1].set_xlabel("Frame")
+        both[0].set_xlim(0, len(motion.angles) - 1)
+        figure.suptitle(f"Error against frame under {result.environment}: {motion}", fontsize=11)
+        handles, labels = both[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside right center")
+
+
+def time_figure(path: Path, result: Replay, motion: Motion, rows: Sequence[Row], threads: int) -> None:
+    """Error against run time: every method at its budgets; a bar from the median frame to the 95th percentile."""
+    seconds = result.seconds[threads]
+    turning = slice(1, motion.stop + 1)
+    last = len(motion.angles) - 1
+    panels = ((turning, "while rotating (mean)"), (slice(last, last + 1), f"{motion.hold} frames after the stop"))
+    with _figure(path, 1, 2, (10.5, 4.9), sharex=True, sharey=True) as (figure, both):
+        for axes, (frames, title) in zip(both, panels, strict=True):
+            for family in dict.fromkeys(row.family for row in rows if row.family != "exact"):
+                points = []
+                for row in (row for row in rows if row.family == family):
+                    p50, p95 = 1e3 * np.percentile(seconds[row.name][turning, 0], (50, 95))
+                    points.append((p50, p95, 100 * result.column(row.name, "image_l2")[frames].mean(), row.budget))
+                colour = FAMILIES[family]
+                p50, p95, error, _ = np.array(points, float).T
+                shown = error > 0
+                axes.plot(p50[shown], error[shown], "-", color=colour, marker=_MARKERS[family], label=family, markersize=6)
+                axes.hlines(error[shown], p50[shown], p95[shown], color=colour, alpha=0.35, linewidth=3)
+                below = (0, 6) if family in ("NWA", "BI") else (0, -13)
+                for x, _, y, budget in (point for point in points if point[2] > 0):
+                    axes.annotate(f"{budget}", (x, y), xytext=below, textcoords="offset points", fontsize=8, color=colour, ha="center")
+            exact = 1e3 * np.median(seconds["exact"][turning, 0])
+            axes.axvline(exact, color="#000000", linestyle=":", linewidth=1.2, label="exact product (no error)")
+            axes.set(xscale="log", yscale="log", title=title)
+            _percent(axes.xaxis)
+            _percent(axes.yaxis)
+        both[0].set_ylabel("Image: L2 error (%)")
+        plural = "s" if threads > 1 else ""
+        figure.supxlabel(f"Time of a frame on {threads} thread{plural} (ms): median, bar to the 95th percentile", fontsize=10)
+        figure.suptitle(f"Error against run time under {result.environment}; labels are terms a frame", fontsize=11)
+        handles, labels = both[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
+
+
+def resets_figure(path: Path, result: Replay, motion: Motion, areas: Sequence[float], method: str) -> None:
+    """Resets of every band over the rotation (the papers' Fig. 6.4)."""
+    bands = len(areas)
+    options = {"sharex": True, "height_ratios": (2.2, 1)}
+    with _figure(path, 2, 1, (8.6, 4.8), **options) as (figure, (raster, profile)):
+        for band in range(bands):
+            frames = [record.frame for record in result.records[method] if band in record.resets]
+            raster.axhline(band, color="#bbbbbb", linewidth=1)
+            raster.vlines(frames, band - 0.36, band + 0.36, color=FAMILIES["PBI"], linewidth=1.8)
+            raster.text(1.01, band, f"{len(frames)} resets", transform=raster.get_yaxis_transform(), va="center", fontsize=9)
+        raster.set_yticks(range(bands), [f"{area:,.0f}" for area in areas])
+        raster.set_ylim(bands - 0.4, -0.6)
+        raster.set_ylabel("Band: texels under\na wavelet")
+        raster.grid(False)
+        profile.plot(motion.angles, color="#000000", linewidth=1.6)
+        profile.set(xlabel="Frame", ylabel="Angle (degrees)", xlim=(0, len(motion.angles) - 1))
+        for axes in (raster, profile):
+            axes.axvline(motion.stop, color="#888888", linewidth=1)
+        figure.suptitle(f"Bands that {method} starts anew under {result.environment}; it changes them in all other frames", fontsize=11)
+
+
+def terms_figure(path: Path, result: Replay, areas: Sequence[float], methods: Sequence[str]) -> None:
+    """Which bands the terms of a rotating frame go to."""
+    with _figure(path, 1, 1, (8.6, 3.2)) as (figure, axes):
+        width = 0.8 / len(methods)
+        for k, name in enumerate(methods):
+            at = np.arange(len(areas)) + (k - (len(methods) - 1) / 2) * width
+            bars = axes.bar(at, result.terms[name], width * 0.92, color=FAMILIES[name.split("-")[0]], label=name)
+            axes.bar_label(bars, fmt="%.1f", fontsize=8, padding=1)
+        axes.set_xticks(range(len(areas)), [f"{area:,.0f}" for area in areas])
+        axes.set(xlabel="Band: texels under a wavelet, coarse to fine", ylabel="Terms a frame")
+        axes.grid(False, axis="x")
+        axes.margins(y=0.12)
+        figure.suptitle(f"Where the terms go while rotating under {result.environment}", fontsize=11)
+        figure.legend(loc="outside right center")
+
+
+def bytes_figure(path: Path, points: Sequence[Point]) -> None:
+    """Error against bytes: truncation from coarse to nothing, under the rotated lights and under one-texel suns."""
+    curve, own = points[:-1], points[-1]
+    megabytes = np.array([point.megabytes for point in curve])
+    colours = ("#0072B2", "#009E73", "#56B4E9", "#F0E442")
+    with _figure(path, 1, 1, (8.6, 4.8)) as (figure, axes):
+        series = [(name, [p.errors[name] for p in points], f"{name}, rotated (mean)", "o-") for name in own.errors]
+        series += [
+            ("sun", [p.sun_mean for p in points], "one-texel sun (mean)", "s--"),
+            ("sun", [p.sun_worst for p in points], "one-texel sun (worst)", "^:"),
+        ]
+        for k, (_, errors, label, style) in enumerate(series):
+            colour = colours[k % len(colours)] if k < len(own.errors) else "#D55E00"
+            values = 100 * np.array(errors)
+            shown = values[:-1] > 0
+            axes.plot(megabytes[shown], values[:-1][shown], style, color=colour, label=label, markersize=4.5)
+            axes.plot([own.megabytes], values[-1:], "*", color=colour, markersize=13, markeredgecolor="black", markeredgewidth=0.7)
+        axes.axvline(own.megabytes, color="#888888", linewidth=1, zorder=0)
+        axes.text(own.megabytes, 1.01, "this transport", ha="center", va="bottom", fontsize=9, color="#555555", transform=_x_data(axes))
+        axes.set(xscale="log", yscale="log", xlabel="Size of M (MB), extrapolated from the audited rows", ylabel="Image: L2 error (%)")
+        _percent(axes.xaxis)
+        _percent(axes.yaxis)
+        figure.suptitle("Error against bytes: what truncation costs (stars: this transport as it is)", fontsize=11)
+        figure.legend(loc="outside right center")

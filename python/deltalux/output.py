@@ -1,0 +1,70 @@
+"""Folders of results: only files of our own are ever overwritten, and tables are plain CSV."""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+__all__ = ["check_folder", "claim", "nearest", "write_csv"]
+
+# The names that a run of ours has written, one a line; whatever is not in it belongs to someone else.
+_LIST = ".deltalux-files"
+
+
+def check_folder(folder: str | os.PathLike[str], names: Iterable[str] = ()) -> Path:
+    """Whether files of these names may be written into a folder, which need not exist yet; writes nothing.
+
+    Raises
+    ------
+    FileExistsError
+        If a file of such a name is there that we did not write.
+    OSError
+        If the folder is a file, or may not be written.
+    """
+    path = Path(folder)
+    there = nearest(path)
+    if not there.is_dir():
+        raise NotADirectoryError(f"expected a folder to write into, but {there} is a file")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise PermissionError(f"expected a folder that can be written, but there is no permission to write into {there}")
+    ours = _written(path)
+    foreign = sorted(name for name in names if name not in ours and (path / name).exists())
+    if foreign:
+        raise FileExistsError(f"{path} holds {foreign[0]}, which deltalux did not write; give another folder")
+    return path
+
+
+def nearest(path: Path) -> Path:
+    """The path itself if it exists, else the folder above it that does."""
+    return next(parent for parent in (path.absolute(), *path.absolute().parents) if parent.exists())
+
+
+def claim(folder: str | os.PathLike[str], names: Sequence[str]) -> Path:
+    """Makes the folder, removes what an earlier run of ours left in it, and notes what this one will write."""
+    path = check_folder(folder, names)
+    path.mkdir(parents=True, exist_ok=True)
+    stale = _written(path) - set(names)
+    (path / _LIST).write_text("".join(f"{name}\n" for name in names), encoding="utf-8")
+    for name in stale:
+        (path / name).unlink(missing_ok=True)
+    return path
+
+
+def _written(path: Path) -> set[str]:
+    """Names of the files that we wrote there. A name is never a path: nothing outside the folder is ours."""
+    try:
+        names = (path / _LIST).read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError):
+        return set()
+    return {name for name in names if name and name == Path(name).name}
+
+
+def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """A table with a line of headings: the keys of the first row."""
+    with open(path, "w", newline="", encoding="utf-8") as file:
+        table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+        table.writeheader()
+        table.writerows(rows)

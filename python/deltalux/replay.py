@@ -1,0 +1,204 @@
+"""The measuring loop of the report: every method follows one moving light, side by side, frame by frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import _core
+from .environment import Environment
+from .methods import Method
+from .motion import Motion
+from .progress import Progress
+from .relight import Frame, Relighter
+from .transport import Transport
+
+__all__ = ["Record", "Replay", "Row", "Still", "hold_still", "relative_errors", "replay", "time_frames"]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table of methods: its name, its family in the plots, its settings and how it starts."""
+
+    name: str
+    family: str
+    method: Method
+    initial: str | None = "full"
+
+    @property
+    def budget(self) -> int | None:
+        """Terms a frame; None: no limit."""
+        return getattr(self.method, "terms", None)
+
+
+@dataclass(frozen=True)
+class Record:
+    """What was measured of one method in one frame; errors are relative to the exact product (`relative_errors`)."""
+
+    environment: str
+    method: str
+    frame: int
+    angle: float
+    light_l1: float
+    light_l2: float
+    image_l1: float
+    image_l2: float
+    image_worst: float
+    bound: float
+    within_bound: bool
+    columns: int
+    streamed_bytes: int
+    resets: tuple[int, ...]
+    converged: bool
+
+
+@dataclass(frozen=True)
+class Still:
+    """What followed when the light stood still until PBI had all of it, and then moved on."""
+
+    method: str
+    frames: int
+    most_frames: int
+    exact: bool
+    restart_seconds: float
+    restart_resets: tuple[int, ...]
+    jump_seconds: float
+    jump_resets: tuple[int, ...]
+
+
+@dataclass
+class Replay:
+    """All measurements under one environment."""
+
+    environment: str
+    records: dict[str, list[Record]] = field(default_factory=dict)
+    terms: dict[str, NDArray[np.float64]] = field(default_factory=dict)
+    """For each method the mean number of columns that a rotating frame sends, band by band."""
+    relighter_bytes: dict[str, int] = field(default_factory=dict)
+    seconds: dict[int, dict[str, NDArray[np.float64]]] = field(default_factory=dict)
+    """By threads, by method: (frames, 3) seconds in all, choosing, and multiplying."""
+    still: Still | None = None
+
+    def column(self, method: str, what: str) -> NDArray[np.float64]:
+        """One measurement of a method in all frames."""
+        return np.array([getattr(record, what) for record in self.records[method]], np.float64)
+
+
+Show = Callable[[str, int, Environment, NDArray[np.float32]], None]
+"""Called with (method, frame, light, values) for every frame of every method."""
+
+
+def relative_errors(found: NDArray[np.generic], exact: NDArray[np.generic]) -> tuple[float, float, float]:
+    """sum |d| / sum |exact|, then sqrt(sum d^2 / sum exact^2), then max |d| over the root mean square of `exact`."""
+    d = np.asarray(found, np.float64) - exact
+    square = float(np.square(exact, dtype=np.float64).sum())
+    size = np.sqrt(square / exact.size)
+    worst = float(np.abs(d).max(initial=0.0))
+    return (
+        _ratio(float(np.abs(d).sum()), float(np.abs(exact).sum(dtype=np.float64))),
+        float(np.sqrt(_ratio(float(np.square(d).sum()), square))),
+        _ratio(worst, float(size)),
+    )
+
+
+def _ratio(error: float, size: float) -> float:
+    """No error is 0, whatever it is relative to; an error relative to nothing is infinite."""
+    if error == 0.0:
+        return 0.0
+    return error / size if size > 0 else float("inf")
+
+
+def replay(
+    transport: Transport, env: Environment, motion: Motion, rows: Sequence[Row], *, show: Show, progress: Progress
+) -> Replay:
+    """Errors of all methods in all frames. The reference is a fresh product of the whole light, made in every frame.
+
+    The first row must be the exact method: its light, on the dyadic grid of the products, is what errors of light are
+    relative to, and its own error tells whether a follower that never starts anew stays exact.
+    """
+    result = Replay(env.name, {row.name: [] for row in rows}, {row.name: [] for row in rows})  # type: ignore[misc]
+    relighters = {row.name: Relighter(transport, row.method, row.initial) for row in rows}
+    bands, areas, cost = transport.columns.bands, transport.columns.areas[:, None], transport.column_bytes
+    chosen = {row.name: np.zeros(int(bands[-1]) + 1) for row in rows}
+    for k, angle in enumerate(motion.angles):
+        progress(k, len(motion.angles))
+        light = env.rotated(angle, motion.axis)
+        V = transport.coefficients(light)
+        exact_light = exact = picture = None
+        for row in rows:
+            relighter = relighters[row.name]
+            frame = relighter.step(V)
+            values = relighter.values
+            if exact_light is None:
+                exact_light = values
+                exact = transport.multiply(values)
+                picture = transport.image(exact)
+            light_error = relative_errors(areas * values, areas * exact_light)[0], relative_errors(values, exact_light)[1]
+            image_error = relative_errors(transport.image(frame.values), picture)
+            result.records[row.name].append(
+                Record(
+                    env.name,
+                    row.name,
+                    k,
+                    angle,
+                    *light_error,
+                    *image_error,
+                    bound=frame.bound,
+                    within_bound=bool(np.abs(frame.values - exact).max(initial=0.0) <= frame.bound),
+                    columns=len(frame.columns),
+                    streamed_bytes=int(cost[frame.columns].sum()),
+                    resets=frame.resets,
+                    converged=frame.converged,
+                )
+            )
+            if 0 < k <= motion.stop:
+                chosen[row.name] += np.bincount(bands[frame.columns], minlength=len(chosen[row.name]))
+            show(row.name, k, light, frame.values)
+    result.terms = {name: total / max(motion.stop, 1) for name, total in chosen.items()}
+    result.relighter_bytes = {name: relighter.nbytes for name, relighter in relighters.items()}
+    progress(len(motion.angles), len(motion.angles))
+    return result
+
+
+def time_frames(
+    transport: Transport, env: Environment, motion: Motion, rows: Sequence[Row], *, threads: int, progress: Progress
+) -> tuple[dict[str, NDArray[np.float64]], dict[str, Relighter]]:
+    """Seconds of every frame of every method, (frames, 3): in all, choosing, multiplying; and the followers at the end.
+
+    Nothing is measured but time. Methods take turns frame by frame, so that what disturbs one disturbs all, and every
+    frame finds the caches cold.
+    """
+    before = _core.threads()
+    _core.set_threads(threads)
+    try:
+        relighters = {row.name: Relighter(transport, row.method, row.initial) for row in rows}
+        seconds = {row.name: np.zeros((len(motion.angles), 3)) for row in rows}
+        for k in range(len(motion.angles)):
+            progress(k, len(motion.angles))
+            light = motion.light(env, k)
+            for row in rows:
+                frame = relighters[row.name].step(light)
+                seconds[row.name][k] = frame.seconds, frame.choosing, frame.multiplying
+        progress(len(motion.angles), len(motion.angles))
+    finally:
+        _core.set_threads(before)
+    return seconds, relighters
+
+
+def hold_still(transport: Transport, env: Environment, motion: Motion, row: Row, relighter: Relighter) -> Still:
+    """Holds the light until a follower has all of it; then turns on, at the highest speed, and jumps a quarter turn."""
+    final, columns = motion.angles[-1], transport.shape[1]
+    light = env.rotated(final, motion.axis)
+    most = -(-columns // max(row.budget or columns, 1)) + 1
+    frames, frame = motion.hold, relighter.step(light)
+    while not frame.converged and frames < motion.hold + most:
+        frame, frames = relighter.step(light), frames + 1
+    exact = frame.converged and np.array_equal(frame.values, transport.multiply(relighter.values))
+    restart: Frame = relighter.step(env.rotated(final + motion.degrees_a_frame, motion.axis))
+    jump: Frame = relighter.step(env.rotated(final + 90.0, motion.axis))
+    return Still(
+        row.name, frames + 1, most, exact, restart.seconds, restart.resets, jump.seconds, jump.resets
+    )

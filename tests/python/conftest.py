@@ -1,0 +1,51 @@
+"""What several test files share: transports of small scenes, and a quality that brute force can repeat."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from deltalux import _core
+from deltalux.plan import QUALITIES, Quality
+from deltalux.scene import Scene
+
+CENTRES = "centres"
+
+
+@pytest.fixture(scope="session", autouse=True)
+def centres_quality():
+    """One ray a texel and a pixel, nothing dropped, 16 bits: what is left is what the rays say, to 2^-15."""
+    QUALITIES[CENTRES] = Quality(edges=False, edge_side=0, tolerance=0.0, width="i16")
+    yield
+    del QUALITIES[CENTRES]
+
+
+@pytest.fixture(autouse=True)
+def threads_stay():
+    """A test that changes the number of threads changes it back."""
+    before = _core.threads()
+    yield
+    _core.set_threads(before)
+
+
+@pytest.fixture(scope="session")
+def make(tmp_path_factory, centres_quality):
+    """make(scene, size, quality): a transport in a directory of its own."""
+    import deltalux as dl
+
+    def run(scene: Scene, size: int = 8, quality: str = CENTRES, **options) -> dl.Transport:
+        path = tmp_path_factory.mktemp("made") / "a.transport"
+        return dl.precompute(scene, path, columns=dl.Haar(size), quality=quality, progress=False, **options)
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def cornell(make):
+    """The Cornell box at 24 x 24 pixels and haar:8."""
+    scene = Scene.builtin("cornell")
+    return make(scene.with_camera(scene.camera.resized(24, 24)), 8, "lossless")
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(7)

@@ -1,0 +1,289 @@
+"""One suite for all update methods over all storage forms, against the dense product in float64."""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import time
+import warnings
+
+import deltalux as dl
+import numpy as np
+import pytest
+from deltalux import _core
+
+BUDGET = 16
+COLUMNS = dl.Haar(8)
+COUNT = COLUMNS.columns
+
+# A new method joins by one line.
+METHODS = {
+    "full": dl.Full(),
+    "nonlinear": dl.Nonlinear(terms=BUDGET),
+    "incremental": dl.Incremental(terms=BUDGET),
+    "incremental-separate": dl.Incremental(terms=BUDGET, channels="separate"),
+    "incremental-transport": dl.Incremental(terms=BUDGET, weight="transport"),
+    "per-band": dl.PerBand(terms=BUDGET),
+    "per-band-l2": dl.PerBand(terms=BUDGET, norm="l2"),
+    "per-band-cost": dl.PerBand(terms=BUDGET, weight="cost"),
+    "per-band-separate": dl.PerBand(terms=BUDGET, channels="separate"),
+    "dealer": dl.PerBand(terms=BUDGET, test="dealer"),
+    "exhaustive": dl.PerBand(terms=BUDGET, test="exhaustive"),
+    "fixed": dl.PerBand(terms=BUDGET, test="fixed", fixed=1),
+    "incremental-error": dl.Incremental(error=0.05),
+    "per-band-error": dl.PerBand(error=0.05),
+    "harmonic-order": dl.HarmonicOrder(terms=BUDGET),
+}
+# These start anew in every frame, by definition, and reach the light only where their budget holds all of it.
+NEVER_CONVERGE = {"nonlinear", "fixed"}
+# These stop where the bound is small enough.
+STOP_SHORT = {"incremental-error", "per-band-error"}
+
+STORAGE = {
+    "i16": {"width": "i16"},
+    "i8": {"width": "i8"},
+    "truncated": {"width": "i8", "threshold": 0.02},
+}
+
+
+@pytest.fixture(scope="module")
+def matrix():
+    """40 rows, not a multiple of 16, whose entries span five decades; as the float32 that a pass delivers."""
+    rng = np.random.default_rng(1)
+    rows = rng.normal(size=(40, COUNT)) * 10.0 ** rng.uniform(-5, -1, COUNT) * (rng.random((40, COUNT)) < 0.5)
+    return rows.astype(np.float32).astype(np.float64)
+
+
+@pytest.fixture(scope="module", params=STORAGE)
+def transport(request, matrix):
+    return dl.Transport(_core.Transport.from_dense(matrix, columns=str(COLUMNS), tile_rows=32, **STORAGE[request.param]))
+
+
+@pytest.fixture(params=METHODS)
+def name(request):
+    return request.param
+
+
+def path(frames, seed=5):
+    """A light that moves, jumps once, and goes black once; multiples of 2^-8, which every grid holds that it meets."""
+    rng = np.random.default_rng(seed)
+    here, there, far = rng.lognormal(0, 2, (3, COUNT, 3)) * rng.choice([-1, 1], (3, COUNT, 3))
+    lights = [here + (there - here) * math.sin(frame / 5) for frame in range(frames)]
+    lights[frames // 2 :] = [far * (1 + frame / 50) for frame in range(frames - frames // 2)]
+    lights[frames // 3] = np.zeros((COUNT, 3))
+    return [np.round(light * 256) / 256 for light in lights]
+
+
+def assert_exact(relighter, frame):
+    """What was applied is what a fresh product gives, to the last bit."""
+    np.testing.assert_array_equal(frame.values, relighter.transport.multiply(relighter.values))
+
+
+@pytest.mark.parametrize("initial", ["full", "nonlinear", None])
+def test_every_frame_is_a_fresh_product_within_its_bound(transport, matrix, name, initial):
+    relighter = dl.Relighter(transport, METHODS[name], initial=initial)
+    worst = 0.0
+    for number, V in enumerate(path(30)):
+        frame = relighter.step(V)
+        assert_exact(relighter, frame)
+        error = np.abs(frame.values.astype(np.float64) - matrix @ V)
+        bounds = relighter.bounds(frame)
+        assert (error <= bounds).all(), f"frame {number}: a receiver is beyond its bound"
+        assert bounds.max() <= np.nextafter(np.float32(frame.bound), np.float32(np.inf))
+        assert error.max() <= frame.bound
+        worst = max(worst, error.max() / frame.bound)
+        assert frame.converged == (relighter.values == V).all()
+        if name not in ("full", *STOP_SHORT) and not (initial == "full" and number == 0):
+            assert len(frame.columns) <= BUDGET
+    assert worst > 1e-3, "a bound a thousand times too large says nothing"
+
+
+def remaining(relighter, V):
+    """What is not yet applied, in the weights of the choice: sum of area |V - V~|."""
+    return float((COLUMNS.areas[:, None] * np.abs(V - relighter.values)).sum())
+
+
+def test_static_light_is_reached_bit_for_bit(transport, name):
+    relighter = dl.Relighter(transport, METHODS[name], initial=None)
+    moving, still = path(10)[:3], path(10, seed=9)[0]
+    for V in moving:
+        relighter.step(V)
+    wanted = transport.multiply(still)
+
+    # m columns differ, k are sent a frame; a reset makes a column differ that did not, at most all of them.
+    budget = {"full": COUNT, "incremental-separate": BUDGET / 3, "per-band-separate": BUDGET / 3}.get(name, BUDGET)
+    frames = math.ceil(COUNT / budget)
+    errors = [remaining(relighter, still)]
+    for _ in range(frames):
+        frame = relighter.step(still)
+        errors.append(remaining(relighter, still))
+    if name not in NEVER_CONVERGE:
+        assert all(later <= earlier * (1 + 1e-12) for earlier, later in zip(errors, errors[1:], strict=False)), errors
+    if name in STOP_SHORT:
+        assert frame.bound <= relighter.method.error or frame.converged
+    elif name in NEVER_CONVERGE:
+        assert not frame.converged
+    else:
+        assert frame.converged
+        np.testing.assert_array_equal(relighter.values, still)
+        np.testing.assert_array_equal(frame.values, wanted)
+        # It stays, and nothing more is sent.
+        for _ in range(3):
+            frame = relighter.step(still)
+            assert frame.converged and len(frame.columns) == 0 and frame.resets == ()
+            np.testing.assert_array_equal(frame.values, wanted)
+
+
+def test_a_light_that_is_refused_changes_nothing(transport, name):
+    relighter, twin = (dl.Relighter(transport, METHODS[name], initial=None) for _ in range(2))
+    lights = path(8)
+    for V in lights[:4]:
+        relighter.step(V), twin.step(V)
+    before = relighter.values
+    bad = lights[4].copy()
+    bad[17, 1] = np.nan
+    for refused in (bad, np.full((COUNT, 3), np.inf), lights[4][:-1], lights[4][:, :2], np.full((COUNT, 3), 1e200)):
+        with pytest.raises(ValueError):
+            relighter.step(refused)
+    np.testing.assert_array_equal(relighter.values, before)
+    for V in lights[4:]:
+        np.testing.assert_array_equal(relighter.step(V).values, twin.step(V).values)
+
+
+@pytest.mark.parametrize("kind", [dl.Nonlinear, dl.Incremental, dl.PerBand, dl.HarmonicOrder])
+def test_budgets_of_none_one_and_all(transport, kind):
+    first, second = path(8)[0], path(8, seed=8)[0]
+    for terms in (0, 1, COUNT, 10**9):
+        relighter = dl.Relighter(transport, kind(terms=terms), initial="full")
+        relighter.step(first)
+        frame = relighter.step(second)
+        assert_exact(relighter, frame)
+        assert len(frame.columns) <= terms
+        if terms >= COUNT:
+            assert frame.converged
+            np.testing.assert_array_equal(frame.values, transport.multiply(second))
+        elif kind is dl.Incremental:
+            assert (relighter.values != first).any(axis=1).sum() == len(frame.columns) == terms
+
+
+# Light that outgrows its grid is rounded to a coarser one, light that fades gets a finer one: exact all the way.
+def test_light_grows_a_millionfold_and_fades(transport, matrix, name):
+    relighter = dl.Relighter(transport, METHODS[name])
+    V = np.random.default_rng(4).normal(size=(COUNT, 3))
+    for exponent in [*np.linspace(0, 6, 13), *np.linspace(6, -9, 21)]:
+        light = V * 10.0**exponent
+        frame = relighter.step(light)
+        assert_exact(relighter, frame)
+        assert np.abs(frame.values - matrix @ light).max() <= frame.bound
+    frame = relighter.step(0 * V)
+    for _ in range(-(-3 * COUNT // BUDGET) + 3):
+        frame = relighter.step(0 * V)
+    if name not in STOP_SHORT:
+        assert (frame.values == 0).all()
+
+
+def test_a_loop_of_1000_frames_does_not_drift(transport, name):
+    relighter = dl.Relighter(transport, METHODS[name])
+    lights = path(20)
+    for _ in range(50):
+        for V in lights:
+            frame = relighter.step(V)
+    assert_exact(relighter, frame)
+
+
+# A sun of 1e5 in one texel wanders through a sky and goes: in float32 its passing would leave 1e-3 of the ambient light.
+def test_a_passing_sun_leaves_no_trace(transport, name):
+    sky = np.random.default_rng(2).uniform(0.3, 0.8, (6, 8, 8, 3)).astype(np.float32)
+    lights = [COLUMNS.coefficients(dl.Environment.from_cubemap(sky))]
+    for texel in range(0, COUNT, 23):
+        sunny = sky.reshape(COUNT, 3).copy()
+        sunny[texel] = 1e5
+        lights.append(COLUMNS.coefficients(dl.Environment.from_cubemap(sunny.reshape(6, 8, 8, 3))))
+    lights.append(lights[0])
+    relighter = dl.Relighter(transport, METHODS[name])
+    for V in lights:
+        frame = relighter.step(V)
+        assert_exact(relighter, frame)
+    for _ in range(-(-3 * COUNT // BUDGET) + 3):
+        frame = relighter.step(lights[0])
+    assert_exact(relighter, frame)
+    if name not in NEVER_CONVERGE | STOP_SHORT:
+        assert frame.converged
+        # The grid is that of the sun until the light has faded 2^16-fold; then it is as fine as that of a new relighter.
+        np.testing.assert_allclose(frame.values, transport.multiply(lights[0]), rtol=1e-6, atol=1e-6)
+
+
+def test_threads_do_not_change_a_bit(transport, name):
+    films = []
+    for threads in (1, 2, 3):
+        dl.set_threads(threads)
+        relighter = dl.Relighter(transport, METHODS[name], initial=None)
+        films.append([relighter.step(V).values.tobytes() for V in path(12)])
+    assert films[0] == films[1] == films[2]
+
+
+def test_two_relighters_share_a_transport(transport, name):
+    lights, others = path(10), path(10, seed=6)
+    alone = [dl.Relighter(transport, METHODS[name]) for _ in range(2)]
+    expected = [[one.step(V).values for V in film] for one, film in zip(alone, (lights, others), strict=True)]
+    together = [dl.Relighter(transport, METHODS[name]) for _ in range(2)]
+    for frame in range(10):
+        for which, film in enumerate((lights, others)):
+            np.testing.assert_array_equal(together[which].step(film[frame]).values, expected[which][frame])
+
+
+def test_initial_says_what_the_first_frame_applies(transport):
+    V = np.random.default_rng(3).normal(size=(COUNT, 3))
+    full, nonlinear, black = (dl.Relighter(transport, dl.PerBand(terms=BUDGET), initial=i) for i in ("full", "nonlinear", None))
+    assert full.step(V).converged
+    key = COLUMNS.areas * np.abs(V).sum(axis=1)
+    largest = np.sort(np.argsort(-key, kind="stable")[:BUDGET])
+    assert nonlinear.step(V).columns.tolist() == largest.tolist()
+    assert len(black.step(V).columns) == BUDGET
+    with pytest.raises(ValueError, match='expected initial="full"'):
+        dl.Relighter(transport, dl.Full(), initial="half")
+
+
+def test_what_a_frame_says(cornell):
+    env = dl.Environment.builtin("hall")
+    relighter = dl.Relighter(cornell, dl.PerBand(terms=30))
+    frame = relighter.step(env)
+    assert frame.converged and frame.image.shape == (24, 24, 3)
+    np.testing.assert_array_equal(frame.image, cornell.image(frame.values, env))
+    assert 0 <= frame.choosing + frame.multiplying <= frame.seconds
+    turned = relighter.step(env.rotated(20.0))
+    assert not turned.converged and 0 < len(turned.columns) <= 30 and turned.bound > frame.bound
+    from_V = dl.Relighter(cornell, dl.PerBand(terms=30)).step(cornell.coefficients(env))
+    np.testing.assert_array_equal(from_V.values, frame.values)
+    assert relighter.nbytes >= 3 * 8 * cornell.shape[0]
+    with pytest.raises(ValueError, match="method such as"):
+        dl.Relighter(cornell, "pbi")
+
+
+# Worker threads do not survive a fork: a child that waited for them would hang (NUMERICS 3.7).
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_a_forked_child_multiplies(cornell):
+    V = cornell.coefficients(dl.Environment.builtin("hall"))
+    expected = cornell.multiply(V)
+    relighter = dl.Relighter(cornell, dl.PerBand(terms=30))
+    frame = relighter.step(V)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)
+        child = os.fork()
+    if child == 0:
+        try:
+            same = (cornell.multiply(V) == expected).all() and (relighter.step(V).values == frame.values).all()
+            os._exit(0 if same else 1)
+        finally:
+            os._exit(2)
+    deadline = time.monotonic() + 10
+    while time.monotonic() < deadline:
+        done, status = os.waitpid(child, os.WNOHANG)
+        if done:
+            assert os.waitstatus_to_exitcode(status) == 0
+            return
+        time.sleep(0.01)
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    pytest.fail("the child hangs")
