@@ -56,9 +56,9 @@ class Haar:
         return 6 * self.size**2
 
     @property
-    def texels(self) -> int:
-        """Texels that a receiver's rays go to: 6 size^2."""
-        return self.columns
+    def face(self) -> int:
+        """Texels along a face of the cubemap that receivers look at: the size."""
+        return self.size
 
     @cached_property
     def bands(self) -> NDArray[np.intp]:
@@ -124,9 +124,9 @@ class SphericalHarmonics:
         return self.order**2
 
     @property
-    def texels(self) -> int:
-        """Texels that a receiver's rays go to: a cubemap with 64 x 64 a face."""
-        return 6 * 64**2
+    def face(self) -> int:
+        """Texels along a face of the cubemap that receivers look at and light is projected from: 64."""
+        return 64
 
     @cached_property
     def bands(self) -> NDArray[np.intp]:

@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import skies
 from .environment import Environment
 from .methods import _count
+from .motion import Motion, ease
 
 __all__ = ["SEQUENCES", "area_light", "ease", "interpolation", "make", "painting", "rotation", "sunrise"]
 
@@ -37,12 +38,6 @@ _SCRIBBLE: tuple[tuple[Place, ...], ...] = (
     ((-120, 15), (-100, 18), (-80, 14), (-60, 17)),
 )
 """A zigzag, an up and down, and a line: what a hand paints in a few seconds."""
-
-
-def ease(t: ArrayLike) -> NDArray[np.float64]:
-    """The way behind at time t from 0 to 1: t^2 (3 - 2 t), at rest at both ends, 1.5 times the mean speed midway."""
-    time = np.asarray(t, np.float64)
-    return np.asarray(time * time * (3 - 2 * time))
 
 
 def rotation(
@@ -68,8 +63,7 @@ def rotation(
     ValueError
         If a setting is out of its range.
     """
-    env.rotated(degrees, axis)
-    return (env.rotated(degrees * way, axis) for way in _eased(frames, hold))
+    return (env.rotated(angle, axis) for angle in Motion(degrees, frames, hold, axis).angles)
 
 
 def interpolation(a: Environment, b: Environment, frames: int, hold: int = 0) -> Iterator[Environment]:
@@ -216,7 +210,9 @@ def _with(env: Environment, cubemap: NDArray[np.float32]) -> Environment:
 
 
 def _eased(frames: int, hold: int) -> list[float]:
-    return [*ease(np.linspace(0.0, 1.0, _frames(frames))).tolist(), *[1.0] * _rest(hold)]
+    last = max(_frames(frames) - 1, 1)
+    ways = [ease(k / last) for k in range(frames)]
+    return ways + [ways[-1]] * _rest(hold)
 
 
 def _frames(frames: int) -> int:

@@ -12,7 +12,7 @@ HALL, STUDIO = Environment.builtin("hall"), Environment.builtin("studio")
 
 def test_ease_is_at_rest_at_both_ends():
     t = np.linspace(0, 1, 1001)
-    way = sequences.ease(t)
+    way = np.array([sequences.ease(float(time)) for time in t])
     assert way[0] == 0 and way[-1] == 1 and np.all(np.diff(way) > 0)
     np.testing.assert_allclose(way + way[::-1], 1, atol=1e-15)
     speed = np.gradient(way, t)
