@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from .environment import Environment
+from .environment import Environment, _rotation
 
 __all__ = ["Columns", "Haar", "SphericalHarmonics", "parse"]
 
@@ -56,9 +56,9 @@ class Haar:
         return 6 * self.size**2
 
     @property
-    def texels(self) -> int:
-        """Texels that a receiver's rays go to: 6 size^2."""
-        return self.columns
+    def face(self) -> int:
+        """Texels along a face of the cubemap that receivers look at: the size."""
+        return self.size
 
     @cached_property
     def bands(self) -> NDArray[np.intp]:
@@ -124,9 +124,9 @@ class SphericalHarmonics:
         return self.order**2
 
     @property
-    def texels(self) -> int:
-        """Texels that a receiver's rays go to: a cubemap with 64 x 64 a face."""
-        return 6 * 64**2
+    def face(self) -> int:
+        """Texels along a face of the cubemap that receivers look at and light is projected from: 64."""
+        return 64
 
     @cached_property
     def bands(self) -> NDArray[np.intp]:
@@ -138,7 +138,7 @@ class SphericalHarmonics:
         """1 for every column, since all cover the whole sphere: (columns,) float64, read-only."""
         return _read_only(np.ones(self.columns))
 
-    def coefficients(self, env: Radiance) -> NDArray[np.float64]:
+    def coefficients(self, env: Environment) -> NDArray[np.float64]:
         """V: the integral over the sphere of the environment's radiance times each function, (columns, 3) float64.
 
         Each map of the environment is projected once, unrotated, as a cubemap with 64 x 64 texels a face; its rotation
@@ -172,8 +172,6 @@ class SphericalHarmonics:
 
         Turn the original coefficients by the whole angle every frame: turns of turns add up their rounding.
         """
-        from .environment import _rotation
-
         return _core.harmonic_rotation(self._checked(V), _rotation(degrees, axis).tolist())
 
     def windowed(self, V: ArrayLike, width: float | None = None) -> NDArray[np.float64]:

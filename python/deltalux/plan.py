@@ -125,13 +125,14 @@ def make_plan(scene: Scene, columns: Columns, quality: str, settings: Quality) -
     rows = round(pixels * (_ROWS_PER_PIXEL if settings.edges else 1))
     threads = _core.threads()
     edge_rays = _EDGE_RAYS if settings.edge_side else 0.0
-    rays = rows * columns.texels * _ABOVE * (1 + edge_rays)
+    texels = 6 * columns.face**2
+    rays = rows * texels * _ABOVE * (1 + edge_rays)
     entry = 18 if settings.width == "i8" else 34
     # Entries grow slower than columns, fine wavelets being sparse; harmonics are dense.
     sparse = _ENTRIES_PER_GROUP.get(quality, 900) * (columns.columns / 24576) ** 0.5
     entries = sparse if isinstance(columns, Haar) else columns.columns
     triangles = len(scene.triangles)
-    in_flight = threads * 16 * columns.texels * 4 * 2 + 4 * 8192 / 16 * entries * entry * 3
+    in_flight = threads * 16 * texels * 4 * 2 + 4 * 8192 / 16 * entries * entry * 3
     return Plan(
         scene=scene.name,
         triangles=triangles,

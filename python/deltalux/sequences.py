@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import skies
 from .environment import Environment
 from .methods import _count
+from .motion import Motion, ease
 
 __all__ = ["SEQUENCES", "area_light", "ease", "interpolation", "make", "painting", "rotation", "sunrise"]
 
@@ -37,12 +38,6 @@ _SCRIBBLE: tuple[tuple[Place, ...], ...] = (
     ((-120, 15), (-100, 18), (-80, 14), (-60, 17)),
 )
 """A zigzag, an up and down, and a line: what a hand paints in a few seconds."""
-
-
-def ease(t: ArrayLike) -> NDArray[np.float64]:
-    """The way behind at time t from 0 to 1: t^2 (3 - 2 t), at rest at both ends, 1.5 times the mean speed midway."""
-    time = np.asarray(t, np.float64)
-    return np.asarray(time * time * (3 - 2 * time))
 
 
 def rotation(
@@ -68,8 +63,7 @@ def rotation(
     ValueError
         If a setting is out of its range.
     """
-    env.rotated(degrees, axis)
-    return (env.rotated(degrees * way, axis) for way in _eased(frames, hold))
+    return (env.rotated(angle, axis) for angle in Motion(degrees, frames, hold, axis).angles)
 
 
 def interpolation(a: Environment, b: Environment, frames: int, hold: int = 0) -> Iterator[Environment]:
@@ -124,7 +118,7 @@ def sunrise(frames: int, *, noon: float = 55.0) -> Iterator[Environment]:
 
     def frame(hour: float) -> Environment:
         x, y, z = np.cos(hour) * np.array([1.0, 0.0, 0.0]) + np.sin(hour) * skies._toward(0.0, np.radians(noon))
-        picture = skies.sky(azimuth=float(np.arctan2(x, -z)), elevation=float(np.arcsin(y)), height=256)
+        picture = skies.sky(azimuth=float(np.arctan2(x, -z)), elevation=float(np.arcsin(y)), height=192)
         return Environment.from_latlong(picture)
 
     return (frame(hour) for hour in hours)
@@ -159,40 +153,44 @@ def painting(
         raise ValueError(f"expected strokes of two or more places (azimuth, elevation), got {strokes!r}")
     if not (0 < radius < 90 and all(np.all(np.isfinite(line)) for line in lines)):
         raise ValueError(f"expected finite strokes and a radius between 0 and 90 degrees, got {radius}")
-    return _painted(env, _dabs(lines, radius / 3, _frames(frames)), radius, _colour(radiance), _rest(hold))
+    return _painted(env, _dabs(lines, radius / 3), _frames(frames), radius, _colour(radiance), _rest(hold))
 
 
 def _painted(
-    env: Environment, dabs: list[NDArray[np.float64]], radius: float, colour: NDArray[np.float32], hold: int
+    env: Environment, dabs: NDArray[np.float64], frames: int, radius: float, colour: NDArray[np.float32], hold: int
 ) -> Iterator[Environment]:
     paint = np.zeros((6, _FACE, _FACE), np.float32)
     painted = env
-    for places in dabs:
-        for azimuth, elevation in places:
-            paint = np.maximum(paint, _disc((azimuth, elevation), radius))
+    for k in range(frames):
+        for dab in dabs[k * len(dabs) // frames : (k + 1) * len(dabs) // frames]:
+            np.maximum(paint, _disc((dab[0], dab[1]), radius), out=paint)
         painted = _with(env, paint[..., None] * colour)
         yield painted
     for _ in range(hold):
         yield painted
 
 
-def _dabs(lines: list[NDArray[np.float64]], step: float, frames: int) -> list[NDArray[np.float64]]:
-    """Places of the brush in every frame, no more than `step` degrees apart along each stroke."""
+def _dabs(lines: list[NDArray[np.float64]], step: float) -> NDArray[np.float64]:
+    """Places where the brush touches, no more than `step` degrees apart along each stroke: (n, 2)."""
     places = []
     for line in lines:
         for a, b in zip(line[:-1], line[1:], strict=True):
             count = int(np.ceil(np.abs(b - a).max() / step))
-            places += [a + (b - a) * k / max(count, 1) for k in range(count)]
+            places += [a + (b - a) * k / count for k in range(count)]
         places.append(line[-1])
-    return np.array_split(np.array(places), frames)
+    return np.array(places)
 
 
 def _disc(place: Place, radius: float) -> NDArray[np.float32]:
     """The share of each texel that a disc covers, its edge a texel wide: (6, n, n)."""
-    centre = skies._toward(*np.radians(place))
-    along = np.arccos(np.clip(_texels() @ centre.astype(np.float32), -1, 1))
-    width = np.float32(np.pi / 2 / _FACE)
-    return np.asarray(np.clip((np.float32(np.radians(radius)) - along) / width + np.float32(0.5), 0, 1), np.float32)
+    centre = skies._toward(*np.radians(place)).astype(np.float32)
+    cosine = _texels() @ centre
+    width = np.pi / 2 / _FACE
+    near = cosine > np.cos(min(np.radians(radius) + width, np.pi))
+    away = np.arccos(np.minimum(cosine[near], 1))
+    cover = np.zeros(cosine.shape, np.float32)
+    cover[near] = np.clip((np.radians(radius) - away) / width + 0.5, 0, 1)
+    return cover
 
 
 @cache
@@ -212,7 +210,9 @@ def _with(env: Environment, cubemap: NDArray[np.float32]) -> Environment:
 
 
 def _eased(frames: int, hold: int) -> list[float]:
-    return [*ease(np.linspace(0.0, 1.0, _frames(frames))).tolist(), *[1.0] * _rest(hold)]
+    last = max(_frames(frames) - 1, 1)
+    ways = [ease(k / last) for k in range(frames)]
+    return ways + [ways[-1]] * _rest(hold)
 
 
 def _frames(frames: int) -> int:

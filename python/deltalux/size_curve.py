@@ -84,7 +84,7 @@ def _turning(transport: Transport, env: Environment, motion: Motion) -> NDArray[
 
 def _suns(transport: Transport) -> NDArray[np.float64]:
     """V of single bright texels of the upper half of the sky, (k, columns, 3)."""
-    n = getattr(transport.columns, "size", 32)
+    n = transport.columns.face
     random = np.random.default_rng(1)
     maps = np.zeros((_SUNS, 6, n, n, 3), np.float32)
     for cubemap in maps:

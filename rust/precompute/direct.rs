@@ -1,5 +1,5 @@
-//! The direct diffuse pass: T_p = V_p cos(theta_p) / pi * sqrt(dw_p) for every texel p, turned into
-//! coefficients (`projection.rs`).
+//! The direct diffuse pass: T_p = V_p cos(theta_p) / pi * sqrt(dw_p) for every texel p, turned into Haar coefficients (or
+//! into those of spherical harmonics: `projection.rs`).
 //!
 //!     B(x) = 1/pi Int L V cos dw = sum_p L_p sqrt(dw_p) * T_p        (Overbeck 2006, eq. 3.1; the albedo stays outside)
 //!

@@ -229,7 +229,7 @@ def test_what_does_not_fit_in_memory_is_refused_before_work(tmp_path):
     [
         ({"columns": "haar:3"}, "power of two"),
         ({"columns": "haar:0"}, "at least 1|columns"),
-        ({"columns": "sh:4"}, 'expected columns like "haar:64"'),
+        ({"columns": "dct:4"}, 'expected columns like "haar:64"'),
         ({"columns": "haar:1e9"}, 'expected columns like "haar:64"'),
         ({"columns": "haar:65536"}, "from 1 to 512"),
         ({"quality": "best"}, "expected a quality of preview, publication, lossless"),
