@@ -22,7 +22,7 @@ __all__ = ["bytes_figure", "frames_figure", "resets_figure", "terms_figure", "ti
 # Okabe and Ito's colours, which colour-blind readers tell apart; shades run with the budget.
 FAMILIES = {"NWA": "#D55E00", "BI": "#009E73", "PBI": "#0072B2", "PBI by transport": "#CC79A7", "exact": "#000000"}
 _MARKERS = {"NWA": "o", "BI": "s", "PBI": "D", "PBI by transport": "^", "exact": "*"}
-_STYLE = {
+_STYLE: Any = {
     "font.family": "DejaVu Sans",
     "font.size": 10,
     "axes.titlesize": 11,
