@@ -22,7 +22,7 @@ __all__ = ["bytes_figure", "frames_figure", "resets_figure", "terms_figure", "ti
 # Okabe and Ito's colours, which colour-blind readers tell apart; shades run with the budget.
 FAMILIES = {"NWA": "#D55E00", "BI": "#009E73", "PBI": "#0072B2", "PBI by transport": "#CC79A7", "exact": "#000000"}
 _MARKERS = {"NWA": "o", "BI": "s", "PBI": "D", "PBI by transport": "^", "exact": "*"}
-_STYLE = {
+_STYLE: Any = {
     "font.family": "DejaVu Sans",
     "font.size": 10,
     "axes.titlesize": 11,
@@ -66,7 +66,9 @@ def _percent(axis: Any) -> None:
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     axis.set_major_locator(LogLocator(10, subs=(1, 2, 5)))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_major_formatter(
+        FuncFormatter(lambda value, _: np.format_float_positional(value, 6, trim="-", fractional=False))
+    )
     axis.set_minor_formatter(NullFormatter())
 
 
@@ -138,13 +140,11 @@ def time_figure(path: Path, result: Replay, motion: Motion, rows: Sequence[Row],
             exact = 1e3 * np.median(seconds["exact"][turning, 0])
             axes.axvline(exact, color="#000000", linestyle=":", linewidth=1.2, label="exact product (no error)")
             axes.set(xscale="log", yscale="log", title=title)
+            plural = "s" if threads > 1 else ""
+            axes.set_xlabel(f"Frame on {threads} thread{plural} (ms): median, bar to 95th percentile")
             _percent(axes.xaxis)
             _percent(axes.yaxis)
         both[0].set_ylabel("Image: L2 error (%)")
-        plural = "s" if threads > 1 else ""
-        figure.supxlabel(
-            f"Time of a frame on {threads} thread{plural} (ms): median, bar to the 95th percentile", fontsize=10
-        )
         figure.suptitle(f"Error against run time under {result.environment}; labels are terms a frame", fontsize=11)
         handles, labels = both[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
@@ -217,6 +217,9 @@ def bytes_figure(path: Path, points: Sequence[Point]) -> None:
                 markeredgecolor="black",
                 markeredgewidth=0.7,
             )
+        axes.axvline(curve[-1].megabytes, color="#888888", linewidth=1, linestyle=":", zorder=0)
+        lossless = {"ha": "center", "va": "bottom", "fontsize": 9, "color": "#555555", "transform": _x_data(axes)}
+        axes.text(curve[-1].megabytes, 1.01, "lossless: no error", **lossless)
         axes.axvline(own.megabytes, color="#888888", linewidth=1, zorder=0)
         axes.text(
             own.megabytes,

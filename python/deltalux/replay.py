@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from .environment import Environment
 from .methods import Method
 from .motion import Motion
 from .progress import Progress
-from .relight import Relighter
+from .relight import Frame, Relighter
 from .transport import Transport
 
 __all__ = ["Record", "Replay", "Row", "Still", "hold_still", "relative_errors", "replay", "time_frames"]
@@ -92,7 +93,7 @@ Show = Callable[[str, int, Environment, NDArray[np.float32]], None]
 """Called with (method, frame, light, values) for every frame of every method."""
 
 
-def relative_errors(found: NDArray[np.generic], exact: NDArray[np.generic]) -> tuple[float, float, float]:
+def relative_errors(found: NDArray[Any], exact: NDArray[Any]) -> tuple[float, float, float]:
     """sum |d| / sum |exact|, then sqrt(sum d^2 / sum exact^2), then max |d| over the root mean square of `exact`."""
     d = np.asarray(found, np.float64) - exact
     square = float(np.square(exact, dtype=np.float64).sum())
@@ -122,49 +123,56 @@ def replay(
     """
     result = Replay(env.name, {row.name: [] for row in rows})
     relighters = {row.name: Relighter(transport, row.method, row.initial) for row in rows}
-    bands, areas, cost = transport.columns.bands, transport.columns.areas[:, None], transport.column_bytes
+    bands = transport.columns.bands
     chosen = {row.name: np.zeros(int(bands[-1]) + 1) for row in rows}
     for k, angle in enumerate(motion.angles):
         progress(k, len(motion.angles))
         light = env.rotated(angle, motion.axis)
         V = transport.coefficients(light)
-        exact_light = exact = picture = None
-        for row in rows:
-            relighter = relighters[row.name]
-            frame = relighter.step(V)
-            values = relighter.values
-            if exact_light is None:
-                exact_light = values
-                exact = transport.multiply(values)
-                picture = transport.image(exact)
-            light_error = (
-                relative_errors(areas * values, areas * exact_light)[0],
-                relative_errors(values, exact_light)[1],
-            )
-            image_error = relative_errors(transport.image(frame.values), picture)
-            result.records[row.name].append(
-                Record(
-                    env.name,
-                    row.name,
-                    k,
-                    angle,
-                    *light_error,
-                    *image_error,
-                    bound=frame.bound,
-                    within_bound=bool(np.abs(frame.values - exact).max(initial=0.0) <= frame.bound),
-                    columns=len(frame.columns),
-                    streamed_bytes=int(cost[frame.columns].sum()),
-                    resets=frame.resets,
-                    converged=frame.converged,
-                )
-            )
+        frames = {row.name: relighters[row.name].step(V) for row in rows}
+        exact_light = relighters[rows[0].name].values
+        reference = _Reference(transport, exact_light, transport.multiply(exact_light))
+        for name, frame in frames.items():
+            record = reference.compare(env.name, name, k, angle, frame, relighters[name].values)
+            result.records[name].append(record)
             if 0 < k <= motion.stop:
-                chosen[row.name] += np.bincount(bands[frame.columns], minlength=len(chosen[row.name]))
-            show(row.name, k, light, frame.values)
+                chosen[name] += np.bincount(bands[frame.columns], minlength=len(chosen[name]))
+            show(name, k, light, frame.values)
     result.terms = {name: total / max(motion.stop, 1) for name, total in chosen.items()}
     result.relighter_bytes = {name: relighter.nbytes for name, relighter in relighters.items()}
     progress(len(motion.angles), len(motion.angles))
     return result
+
+
+class _Reference:
+    """What every method is held against in one frame: the light, and the exact product's response and picture."""
+
+    def __init__(self, transport: Transport, light: NDArray[np.float64], values: NDArray[np.float32]) -> None:
+        self.transport, self.light, self.values = transport, light, values
+        self.picture = transport.image(values)
+
+    def compare(
+        self, environment: str, method: str, k: int, angle: float, frame: Frame, light: NDArray[np.float64]
+    ) -> Record:
+        areas = self.transport.columns.areas[:, None]
+        image_l1, image_l2, image_worst = relative_errors(self.transport.image(frame.values), self.picture)
+        return Record(
+            environment=environment,
+            method=method,
+            frame=k,
+            angle=angle,
+            light_l1=relative_errors(areas * light, areas * self.light)[0],
+            light_l2=relative_errors(light, self.light)[1],
+            image_l1=image_l1,
+            image_l2=image_l2,
+            image_worst=image_worst,
+            bound=frame.bound,
+            within_bound=bool(np.abs(frame.values - self.values).max(initial=0.0) <= frame.bound),
+            columns=len(frame.columns),
+            streamed_bytes=int(self.transport.column_bytes[frame.columns].sum()),
+            resets=frame.resets,
+            converged=frame.converged,
+        )
 
 
 def time_frames(

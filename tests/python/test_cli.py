@@ -6,10 +6,9 @@ import re
 import subprocess
 import sys
 
+import deltalux as dl
 import numpy as np
 import pytest
-
-import deltalux as dl
 from deltalux import cli, io
 
 
@@ -106,7 +105,16 @@ BAD = {
     "a camera that sees nothing": ["precompute", "cornell", "-o", "OUT", "--size", "8x8", "--camera", "0,1,9:0,1,99"],
     "too many threads": ["precompute", "cornell", "-o", "OUT", "--threads", "9999"],
     "fewer than no threads": ["precompute", "cornell", "-o", "OUT", "--threads", "-1"],
-    "more than the disk holds": ["precompute", "cornell", "-o", "OUT", "--size", "16384x16384", "--columns", "haar:512"],
+    "more than the disk holds": [
+        "precompute",
+        "cornell",
+        "-o",
+        "OUT",
+        "--size",
+        "16384x16384",
+        "--columns",
+        "haar:512",
+    ],
     "no such folder": ["precompute", "cornell", "-o", "OUT/in/x.transport", "--size", "8x8"],
     "no transport": ["info", "OUT"],
     "a transport that is a file": ["info", "FILE"],
