@@ -21,8 +21,8 @@ __all__ = ["plan", "precompute"]
 # Every value of M is an integer times 2^-24: below what an image can show, coarse enough for exact sums.
 _QUANTUM = -24
 _TILE_ROWS = 8192
-# Bundles of 64 rows that are looked at first, to choose the threshold for the stated error.
-_SURVEY = 64
+# Bundles of 64 rows that are looked at first, to choose the threshold for the stated error: one in twenty, within limits.
+_SURVEY = (8, 64)
 
 
 def _settings(quality: str, tolerance: float | None) -> Quality:
@@ -133,10 +133,11 @@ class _Run:
 
     def trace(self) -> tuple[float, float]:
         """Writes every shard that is not there yet; returns the expected error and the threshold that gives it."""
-        looked = min(_SURVEY * 64, self.count)
+        bundles = min(max(self.count // (20 * 64), _SURVEY[0]), _SURVEY[1])
+        looked = min(bundles * 64, self.count)
         total = looked + self.count
         threshold, error, _, groups, tile = self.direct.survey(
-            _SURVEY,
+            bundles,
             tolerance=self.settings.tolerance,
             quantum=_QUANTUM,
             width=self.settings.width,
