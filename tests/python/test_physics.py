@@ -56,8 +56,8 @@ def test_white_furnace(make, size):
     assert np.abs(B - 1).max() >= 0.25 / size**2, "the midpoint rule has this error: a smaller one is another rule"
 
 
-# In a pit of depth 1 what is left of the hemisphere is the opening, a rectangle parallel to the receiver: its form factor
-# is known in closed form (oracles).
+# In a pit of depth 1 what is left of the hemisphere is the opening, a rectangle parallel to the receiver: its form
+# factor is known in closed form (oracles).
 @pytest.mark.parametrize("size", [16, 32])
 def test_white_furnace_of_a_pit(make, size):
     pit = oracles.box((-1, -1, -0.5), (1, 0, 0.5), without="y+")
@@ -84,7 +84,7 @@ def test_foot_of_a_wall_sees_half(make):
     assert np.abs(B - 0.5).max() <= 0.35 / 16**2
 
 
-# The light is one texel p of radiance 1: B_p = max(0, n . d_p) dw_p / pi. Solid angle, orientation, handedness: all show.
+# The light is one texel p of radiance 1: B_p = max(0, n . d_p) dw_p / pi. Solid angle, orientation and handedness show.
 @pytest.mark.parametrize("tilt", [(0, 0), (3, -1), (-4, -6)], ids=str)
 def test_one_texel_sweep_over_all_texels(make, tilt):
     size = 64
@@ -131,7 +131,7 @@ def seen_sides(make, size, corner):
 
 
 # Six colours, one a face of the cubemap. A side sees the one it looks at under F = 4 (1 / sqrt 2) atan(1 / sqrt 2) / pi
-# = 0.5541 (a square of half side 1 at distance 1, four corners), the four next to it under (1 - F) / 4, and not the last.
+# = 0.5541 (a square of half side 1 at distance 1, four corners), four others under (1 - F) / 4, the last not at all.
 @pytest.mark.parametrize("corner", CORNERS)
 def test_six_colours_on_a_box(make, corner):
     size = 32
