@@ -34,7 +34,7 @@ PACKAGES = {
     "OpenImageIO": {"io"},
     "trimesh": {"io", "scene_io", "gltf"},
     "matplotlib": {"report", "plots"},
-    "PIL": {"report", "animation", "scene_io"},
+    "PIL": {"report", "animation", "scene_io", "gltf"},
     "scipy": {"transport"},
     "mitsuba": set(),
     "embreex": set(),
