@@ -32,7 +32,7 @@ def directions(size: int, samples: int = 1) -> np.ndarray:
 def solid_angles(size: int) -> np.ndarray:
     """Steradians of the texels of a face, (size, size).
 
-    The solid angle of the rectangle from (0, 0) to (s, t) on the plane at distance 1 is atan(s t / sqrt(1 + s^2 + t^2)).
+    The rectangle from (0, 0) to (s, t) on the plane at distance 1 has atan(s t / sqrt(1 + s^2 + t^2)).
     """
     edge = 2 * np.arange(size + 1) / size - 1
     s, t = np.meshgrid(edge, edge)
@@ -85,9 +85,9 @@ def rotated(cubemap: np.ndarray, turn: np.ndarray) -> np.ndarray:
 def rectangle_form_factor(position: np.ndarray, low: tuple, high: tuple, height: float) -> np.ndarray:
     """Share of the cosine hemisphere that a rectangle parallel to the receiver's plane covers.
 
-    Receivers at (x, z) of `position` (k, 2), the rectangle from `low` to `high` at `height` above. For a rectangle with a
-    corner right above: F = (X / sqrt(1 + X^2) atan(Y / sqrt(1 + X^2)) + Y / sqrt(1 + Y^2) atan(X / sqrt(1 + Y^2))) / 2 pi
-    (Howell, A catalog of radiation configuration factors, B-3); others are four of these, signed.
+    Receivers at (x, z) of `position` (k, 2), the rectangle from `low` to `high` at `height` above. With a corner right
+    above, F = (X / sqrt(1 + X^2) atan(Y / sqrt(1 + X^2)) + Y / sqrt(1 + Y^2) atan(X / sqrt(1 + Y^2))) / 2 pi (Howell, A
+    catalog of radiation configuration factors, B-3); any other is four of these, signed.
     """
 
     def corner(at: np.ndarray) -> np.ndarray:

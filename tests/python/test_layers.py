@@ -34,7 +34,7 @@ PACKAGES = {
     "OpenImageIO": {"io"},
     "trimesh": {"io", "scene_io", "gltf"},
     "matplotlib": {"report", "plots"},
-    "PIL": {"report", "animation", "scene_io"},
+    "PIL": {"report", "animation", "scene_io", "gltf"},
     "scipy": {"transport"},
     "mitsuba": set(),
     "embreex": set(),
@@ -86,7 +86,7 @@ def test_rust_floors(path):
 
 
 def test_the_reading_of_use_lines():
-    text = "use crate::scene::{Mesh, Tracer};\nuse crate::{light::cubemap, basis::{Bands, haar}};\n// use crate::edit;\n"
+    text = "use crate::scene::{Mesh, Tracer};\nuse crate::{light::cubemap, basis::{Bands, haar}};\n// crate::edit;\n"
     assert crate_paths(text + "fn f() -> crate::brdf::Brdf {}") == {"scene", "light", "basis", "brdf"}
     assert misuses("update", text) == {"scene", "light"}
     assert misuses("precompute", text) == set()

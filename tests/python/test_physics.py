@@ -1,6 +1,6 @@
 """Transport of scenes whose light can be worked out on paper: furnaces, sweeps, symmetries, leaks.
 
-B(x) = 1/pi Int L(w) V(x, w) cos(w) dw, without the albedo. `centres` takes one ray a texel: B is then the midpoint rule.
+B(x) = 1/pi Int L(w) V(x, w) cos(w) dw, without the albedo. `centres` takes one ray a texel: the midpoint rule.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ def sweep(transport):
     return (np.array(radiance) * oracles.solid_angles(size)).reshape(len(rows), -1)
 
 
-# A horizontal receiver that nothing shadows: B = 1/pi Int_hemisphere cos dw = 1 under L = 1. The midpoint rule over texels
-# is off by at most 0.33 / n^2.
+# A horizontal receiver that nothing shadows: B = 1/pi Int_hemisphere cos dw = 1 under L = 1. The midpoint rule over
+# texels is off by at most 0.33 / n^2.
 @pytest.mark.parametrize("size", [8, 16, 32, 64])
 def test_white_furnace(make, size):
     B = product(make(scene_of(FLOOR), size), ones(size))
@@ -56,8 +56,8 @@ def test_white_furnace(make, size):
     assert np.abs(B - 1).max() >= 0.25 / size**2, "the midpoint rule has this error: a smaller one is another rule"
 
 
-# Half of the cosine hemisphere: seen from the foot of a wall that has no end, a quarter sphere is left and B = 1/2. In a
-# pit of depth 1 the rest is the opening, a rectangle parallel to the receiver (closed form in oracles).
+# In a pit of depth 1 what is left of the hemisphere is the opening, a rectangle parallel to the receiver: its form
+# factor is known in closed form (oracles).
 @pytest.mark.parametrize("size", [16, 32])
 def test_white_furnace_of_a_pit(make, size):
     pit = oracles.box((-1, -1, -0.5), (1, 0, 0.5), without="y+")
@@ -73,6 +73,7 @@ def test_white_furnace_of_a_pit(make, size):
     assert abs(error.mean()) <= noise
 
 
+# At the foot of a wall that has no end a quarter sphere is left, half of the cosine hemisphere: B = 1/2.
 def test_foot_of_a_wall_sees_half(make):
     wall = oracles.quad((-1e4, 0, 0), (2e4, 0, 0), (0, 1e4, 0))
     floor = oracles.quad((-1e4, 0, 0), (2e4, 0, 0), (0, 0, 1e4))
@@ -83,7 +84,7 @@ def test_foot_of_a_wall_sees_half(make):
     assert np.abs(B - 0.5).max() <= 0.35 / 16**2
 
 
-# The light is one texel p of radiance 1: B_p = max(0, n . d_p) dw_p / pi. Solid angle, orientation and handedness all show.
+# The light is one texel p of radiance 1: B_p = max(0, n . d_p) dw_p / pi. Solid angle, orientation and handedness show.
 @pytest.mark.parametrize("tilt", [(0, 0), (3, -1), (-4, -6)], ids=str)
 def test_one_texel_sweep_over_all_texels(make, tilt):
     size = 64
@@ -129,8 +130,8 @@ def seen_sides(make, size, corner):
     return transport, sides
 
 
-# Six colours, one a face of the cubemap. A side sees the face it looks at under F = 4 (1 / sqrt 2) atan(1 / sqrt 2) / pi
-# = 0.5541 (a square of half side 1 at distance 1, four corners), the four next to it under (1 - F) / 4, the last not at all.
+# Six colours, one a face of the cubemap. A side sees the one it looks at under F = 4 (1 / sqrt 2) atan(1 / sqrt 2) / pi
+# = 0.5541 (a square of half side 1 at distance 1, four corners), four others under (1 - F) / 4, the last not at all.
 @pytest.mark.parametrize("corner", CORNERS)
 def test_six_colours_on_a_box(make, corner):
     size = 32
@@ -159,7 +160,10 @@ def test_texels_are_the_right_way_round(make, corner):
         np.testing.assert_allclose(B[rows], np.tile(expected, (rows.sum(), 1)), rtol=4 * STORED)
 
 
-def corner_scene(turn=np.eye(3), scale=1.0, shift=(0.0, 0.0, 0.0), *, extra=(), size=12):
+UNTURNED = np.eye(3)
+
+
+def corner_scene(turn=UNTURNED, scale=1.0, shift=(0.0, 0.0, 0.0), *, extra=(), size=12):
     """A box of 1 x 2 x 3 on a floor beside a post: moved as a whole, camera included."""
     floor = oracles.quad((-4, 0, -4), (9, 0, 0), (0, 0, 10))
     mesh = oracles.merged(floor, oracles.box((0, 0, 0), (1, 2, 3)), oracles.box((-2, 0, 1), (-1.5, 3, 1.25)), *extra)
@@ -256,8 +260,8 @@ def test_an_occluder_never_raises_light(make, quality):
     assert gain.min() < -0.005, "the occluder must shade something"
 
 
-# From inside a closed room no direction is open: every row of M is zero, to the last bit. The receivers lie on the grid's
-# vertices and the directions are texel centres, so that rays run along edges and into vertices: what leaky tests miss.
+# From inside a closed room no direction is open: every row of M is zero, to the last bit. The receivers lie on vertices
+# of the grid and the directions are texel centres: rays run along edges and into vertices, where others leak.
 @pytest.mark.parametrize("size", [8, 16])
 @pytest.mark.parametrize("cells", [1, 32])
 @pytest.mark.parametrize("quality", ["centres", "lossless"])

@@ -57,7 +57,9 @@ def matrix():
 
 @pytest.fixture(scope="module", params=STORAGE)
 def transport(request, matrix):
-    return dl.Transport(_core.Transport.from_dense(matrix, columns=str(COLUMNS), tile_rows=32, **STORAGE[request.param]))
+    return dl.Transport(
+        _core.Transport.from_dense(matrix, columns=str(COLUMNS), tile_rows=32, **STORAGE[request.param])
+    )
 
 
 @pytest.fixture(params=METHODS)
@@ -192,7 +194,7 @@ def test_a_loop_of_1000_frames_does_not_drift(transport, name):
     assert_exact(relighter, frame)
 
 
-# A sun of 1e5 in one texel wanders through a sky and goes: in float32 its passing would leave 1e-3 of the ambient light.
+# A sun of 1e5 in one texel wanders through a sky and goes: in float32 it would leave 1e-3 of the ambient light behind.
 def test_a_passing_sun_leaves_no_trace(transport, name):
     sky = np.random.default_rng(2).uniform(0.3, 0.8, (6, 8, 8, 3)).astype(np.float32)
     lights = [COLUMNS.coefficients(dl.Environment.from_cubemap(sky))]
@@ -210,7 +212,7 @@ def test_a_passing_sun_leaves_no_trace(transport, name):
     assert_exact(relighter, frame)
     if name not in NEVER_CONVERGE | STOP_SHORT:
         assert frame.converged
-        # The grid is that of the sun until the light has faded 2^16-fold; then it is as fine as that of a new relighter.
+        # The grid stays that of the sun until the light has faded 2^16-fold.
         np.testing.assert_allclose(frame.values, transport.multiply(lights[0]), rtol=1e-6, atol=1e-6)
 
 
@@ -235,7 +237,9 @@ def test_two_relighters_share_a_transport(transport, name):
 
 def test_initial_says_what_the_first_frame_applies(transport):
     V = np.random.default_rng(3).normal(size=(COUNT, 3))
-    full, nonlinear, black = (dl.Relighter(transport, dl.PerBand(terms=BUDGET), initial=i) for i in ("full", "nonlinear", None))
+    full, nonlinear, black = (
+        dl.Relighter(transport, dl.PerBand(terms=BUDGET), initial=i) for i in ("full", "nonlinear", None)
+    )
     assert full.step(V).converged
     key = COLUMNS.areas * np.abs(V).sum(axis=1)
     largest = np.sort(np.argsort(-key, kind="stable")[:BUDGET])

@@ -22,7 +22,10 @@ def dense(transport) -> np.ndarray:
 
 
 matrices = hnp.arrays(
-    np.float64, st.tuples(st.integers(1, 70), st.just(COLUMNS)), elements=st.floats(-10, 10, width=32), fill=st.just(0.0)
+    np.float64,
+    st.tuples(st.integers(1, 70), st.just(COLUMNS)),
+    elements=st.floats(-10, 10, width=32),
+    fill=st.just(0.0),
 )
 widths = st.sampled_from(["i8", "i16"])
 # Multiples of 2^-10 below 2^10. Values of M are multiples of 2^-24 below 2^4: sums of 24 products are below 2^19 and
@@ -47,9 +50,8 @@ def test_rows_norms_and_transpose(array, width, seed):
     transport = in_memory(array, width=width)
     M = dense(transport)
     operator = transport.linear_operator()
-    x, y = np.random.default_rng(seed).normal(size=(COLUMNS, 4)), np.random.default_rng(~seed % 2**32).normal(
-        size=(len(array), 4)
-    )
+    rng = np.random.default_rng(seed)
+    x, y = rng.normal(size=(COLUMNS, 4)), rng.normal(size=(len(array), 4))
     # <M x, y> = <x, M^T y>; x is rounded to a grid of norm(row) norm(x) 2^-28, products leave as float32.
     row = np.linalg.norm(M, axis=1).max()
     allowed = 2.0**-23 * np.abs(M @ x) + 2.0**-26 * row * max(row, 1e-7) * np.linalg.norm(x, axis=0).max() + 1e-30
@@ -111,7 +113,7 @@ def test_image_is_albedo_times_response(cornell, rng):
     assert image.dtype == np.float32
     np.testing.assert_allclose(image, expected.reshape(height, width, 3), rtol=1e-6, atol=1e-7)
 
-    # B = 1: where one wall fills the pixel, its albedo; the middle of the floor's front is white, the sides red and green.
+    # B = 1: where one wall fills the pixel, its albedo. The left wall is red, the right one green.
     flat = cornell.image(np.ones_like(B))
     np.testing.assert_allclose(flat[12, 3], (0.57, 0.04, 0.04), rtol=1e-6)
     np.testing.assert_allclose(flat[12, 20], (0.12, 0.42, 0.09), rtol=1e-6)
@@ -152,7 +154,7 @@ def test_truncated_keeps_its_word(cornell, tmp_path):
         error = np.linalg.norm(small.multiply(V) - exact) / np.linalg.norm(exact)
         assert 0 < error < 2 * tolerance
         # The stated losses bound the error of every row: Cauchy-Schwarz in every band.
-        bands = np.array([np.linalg.norm(V[small.columns.bands == b], axis=0) for b in range(small.columns.bands[-1] + 1)])
+        bands = np.array([np.linalg.norm(V[small.columns.bands == b], axis=0) for b in np.unique(small.columns.bands)])
         allowed = small._core.dropped() @ bands
         assert (np.abs(small.multiply(V) - exact) <= allowed + 1e-6 * np.abs(exact)).all()
     assert entries[0] > entries[1] > entries[2]
