@@ -2,8 +2,9 @@
 
 The rays are those of the precomputation: from what a camera sees (512 x 512 first hits) to the texels of a 6 x 64 x 64
 cubemap above the horizon; a sample of bundles of 64 receivers and of blocks of 8 x 8 texels stands for all. Ours are
-traced through `_core.Tracer`, Embree's through the arrays of the `embreex` package, on one thread each, in turns; a figure
-is the best of its turns in CPU time. Both get the same triangles and the same lifted origins, in f32, in the same order.
+traced through `_core.Tracer`, Embree's through the arrays of the `embreex` package, on one thread each, in turns; a
+figure is the best of its turns in CPU time. Both get the same triangles and the same lifted origins, in f32, in one
+order.
 
 Scenes: the built-in plant, and any file given by --mesh. Without one, the 69k bunny, and a million triangles made of it
 by splitting, where ../shared/data/mesh holds it.
@@ -18,11 +19,10 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 import deltalux as dl
+import numpy as np
 from deltalux import _core
+from numpy.typing import NDArray
 
 BUNNY = Path(__file__).parents[1] / "../shared/data/mesh/stanford-bunny_69k.obj"
 BUNDLE = BLOCK = 64
@@ -49,7 +49,9 @@ class Rays:
 def texel_blocks(size: int = 64, side: int = 8) -> NDArray[np.float64]:
     """Unit directions of texel centres, (blocks, side * side, 3)."""
     at = (2 * np.arange(size) + 1) / size - 1
-    t, s = (a.reshape(size // side, side, size // side, side).swapaxes(1, 2) for a in np.meshgrid(at, at, indexing="ij"))
+    t, s = (
+        a.reshape(size // side, side, size // side, side).swapaxes(1, 2) for a in np.meshgrid(at, at, indexing="ij")
+    )
     one = np.ones_like(s)
     faces = [(one, -t, -s), (-one, -t, s), (s, one, t), (s, -one, -t), (s, -t, one), (-s, -t, -one)]
     points = np.concatenate([np.stack(face, -1).reshape(-1, side * side, 3) for face in faces])
