@@ -1,6 +1,8 @@
 //! Occlusion rays of the precomputation: 64 receivers and 64 directions at a time, one direction at a time, one ray at a
 //! time, and without AVX2. A wavy ground under a field of needles; `benches/peers_rays.py` holds real scenes against Embree.
 
+// Of this only the random numbers: the transports are for the other benchmarks.
+#[allow(dead_code)]
 mod common;
 
 use std::hint::black_box;

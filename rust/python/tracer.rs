@@ -45,9 +45,10 @@ impl Tracer {
 
 /// Receivers that have a direction above their horizon.
 fn above(normals: &[[f32; 3]], d: [f32; 3]) -> u64 {
-    normals.iter().enumerate().fold(0, |bits, (ray, n)| {
-        bits | ((n[0] * d[0] + n[1] * d[1] + n[2] * d[2] > 0.0) as u64) << ray
-    })
+    normals
+        .iter()
+        .enumerate()
+        .fold(0, |bits, (ray, n)| bits | ((n[0] * d[0] + n[1] * d[1] + n[2] * d[2] > 0.0) as u64) << ray)
 }
 
 fn check(origins: &[[f64; 3]], normals: &[[f64; 3]], directions: &[[f64; 3]]) -> Result<()> {
@@ -55,9 +56,7 @@ fn check(origins: &[[f64; 3]], normals: &[[f64; 3]], directions: &[[f64; 3]]) ->
         return Err(Error::input(format!("expected {} normals, one an origin, got {}", origins.len(), normals.len())));
     }
     let finite = |points: &[[f64; 3]]| points.iter().all(|p| p.iter().all(|x| x.is_finite()));
-    let unit = |points: &[[f64; 3]]| {
-        points.iter().all(|p| (p.iter().map(|x| x * x).sum::<f64>() - 1.0).abs() < 1e-4)
-    };
+    let unit = |points: &[[f64; 3]]| points.iter().all(|p| (p.iter().map(|x| x * x).sum::<f64>() - 1.0).abs() < 1e-4);
     if !finite(origins) {
         return Err(Error::input("expected finite origins, got NaN or infinity"));
     }

@@ -24,8 +24,8 @@ impl Bundle {
         let mut bundle = Bundle { origin: [[[0.0; 8]; PACKETS]; 3], patches: Vec::new() };
         for ray in 0..BUNDLE {
             if let Some(origin) = origins.get(ray.min(origins.len().saturating_sub(1))) {
-                for axis in 0..3 {
-                    bundle.origin[axis][ray / 8][ray % 8] = origin[axis];
+                for (axis, &at) in origin.iter().enumerate() {
+                    bundle.origin[axis][ray / 8][ray % 8] = at;
                 }
             }
         }

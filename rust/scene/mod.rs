@@ -5,6 +5,7 @@ pub mod bundle;
 pub mod camera;
 mod lanes;
 pub mod mesh;
+pub mod reach;
 pub mod receivers;
 mod shadow;
 mod shaft;

@@ -1,11 +1,11 @@
 //! Triangles seen along a beam: flat figures with edge functions, and which rays (points) lie inside them.
 
-// Lanes in loops go by index: closures (`map`, iterators) do not inherit the caller's instruction set, and every
-// operation inside them would become a call.
+// By index, as in `reach.rs`.
 #![allow(clippy::needless_range_loop)]
 
-use super::beam::{Beam, Reach, SLACK, load};
+use super::beam::Beam;
 use super::lanes::Lanes;
+use super::reach::{Reach, SLACK, load};
 
 /// Relative width of an edge that still counts as inside: a few units in the last place.
 const EDGE: f32 = 4.8e-7;

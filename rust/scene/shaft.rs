@@ -3,12 +3,13 @@
 //! Neighbouring directions meet nearly the same boxes. The tree is walked from its root once for a block of directions;
 //! the walks of the directions start from what that left, usually nothing: most of a hemisphere is open.
 
-// By index, as in `shadow.rs`.
+// By index, as in `reach.rs`.
 #![allow(clippy::needless_range_loop)]
 
-use super::beam::{BeamFrame, LEAF, Node, SLACK, Starts, WideTree, abs, load, splat};
+use super::beam::Starts;
 use super::bundle::{Bundle, PACKETS};
 use super::lanes::Lanes;
+use super::reach::{BeamFrame, LEAF, Node, SLACK, WideTree, abs, load, splat};
 
 /// Boxes that the walks of a block start from, at most about so many.
 const STARTS: usize = 32;

@@ -13,9 +13,10 @@ use obvhs::bvh2::builder::build_bvh2;
 use obvhs::ray::{Ray, RayHit};
 use obvhs::{Boundable, BvhBuildParams};
 
-use super::beam::{self, LEAF, Node, Walk, WideTree};
+use super::beam::{self, Walk};
 use super::bundle::Bundle;
 use super::mesh::Mesh;
+use super::reach::{LEAF, Node, WideTree};
 use super::shadow::Leaf;
 
 /// Boxes are padded by this much of the normalised scene: eight units in the last place of its largest coordinate.
@@ -259,8 +260,8 @@ impl Collapse<'_> {
             }
             for place in node.first_index..node.first_index + node.prim_count {
                 for (k, corner) in self.corners[place as usize].iter().enumerate() {
-                    for axis in 0..3 {
-                        leaf.corner[k][axis][slot] = corner[axis];
+                    for (axis, &at) in corner.iter().enumerate() {
+                        leaf.corner[k][axis][slot] = at;
                     }
                 }
                 slot += 1;
