@@ -19,7 +19,7 @@ __all__ = ["COLUMNS", "FOLDER", "SIZE", "demo"]
 
 FOLDER = "deltalux-demo"
 # As large as two cores finish in two minutes.
-SIZE = (160, 160)
+SIZE = (128, 128)
 COLUMNS = "haar:32"
 QUALITY = "publication"
 _TRANSPORT = "plant.transport"

@@ -39,8 +39,8 @@ class Quality:
 
 QUALITIES = {
     "preview": Quality(edges=False, edge_side=0, tolerance=0.05, width="i8"),
-    "publication": Quality(edges=True, edge_side=2, tolerance=0.015, width="i8"),
-    "lossless": Quality(edges=True, edge_side=2, tolerance=0.0, width="i16"),
+    "publication": Quality(edges=True, edge_side=3, tolerance=0.015, width="i8"),
+    "lossless": Quality(edges=True, edge_side=4, tolerance=0.0, width="i16"),
 }
 """Presets by outcome; `lossless` keeps every coefficient above 2^-24."""
 
@@ -48,8 +48,8 @@ QUALITIES = {
 # horizon, edge rays for each first ray, rays a second and thread, and entries for each group of 16 rows at haar:64.
 _ROWS_PER_PIXEL = 1.25
 _ABOVE = 0.5
-_EDGE_RAYS = 0.8
-_RAYS_PER_SECOND = 8e6
+_EDGE_RAYS = 1.5
+_RAYS_PER_SECOND = 4e6
 _ENTRIES_PER_GROUP = {"preview": 350, "publication": 900, "lossless": 9000}
 
 

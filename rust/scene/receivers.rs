@@ -56,6 +56,8 @@ struct Seen {
     barycentric: [f32; 2],
     point: [f64; 3],
     normal: [f64; 3],
+    /// Where rays of this receiver start.
+    origin: [f64; 3],
     material: u32,
 }
 
@@ -93,7 +95,10 @@ impl Primary<'_> {
         let normal = self.mesh.normal(hit.triangle);
         let normal = if dot(normal, direction) > 0.0 { normal.map(|n| -n) } else { normal };
         let material = self.material[self.mesh.source[hit.triangle] as usize];
-        Some(Seen { triangle: hit.triangle as u32, barycentric: hit.barycentric, point, normal, material })
+        // Off the surface along its normal; and back towards the eye, where the primary ray has found the way free: a
+        // point in the seam of two walls would otherwise stay in the plane of the other one.
+        let origin = std::array::from_fn(|k| point[k] + LIFT * (normal[k] - 2.0 * direction[k]));
+        Some(Seen { triangle: hit.triangle as u32, barycentric: hit.barycentric, point, normal, origin, material })
     }
 }
 
@@ -229,7 +234,7 @@ impl Receivers {
             receivers.weight.push(weight);
             receivers.triangle.push(seen.triangle);
             receivers.barycentric.push(seen.barycentric);
-            receivers.origin.push(std::array::from_fn(|k| (seen.point[k] + LIFT * seen.normal[k]) as f32));
+            receivers.origin.push(seen.origin.map(|x| x as f32));
             receivers.normal.push(seen.normal.map(|n| n as f32));
         }
         receivers

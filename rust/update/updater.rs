@@ -96,6 +96,9 @@ impl Updater {
     /// rounded and multiplied afresh; light that has faded takes a finer one, on which everything already lies.
     fn settle_grid(&mut self, light: &[[f64; 3]], out: &mut [f32]) -> Result<Grid> {
         let norms = light_norm(light) + light_norm(self.approximation.values());
+        // Twice what exactness needs, and a little for rounding to the grid: a fresh product of what is applied then
+        // chooses a grid of its own that is no coarser, and has the same bits.
+        let norms = 2.125 * norms;
         match self.grid {
             Some(grid) if grid.holds(norms) && norms * REFINE >= grid.limit => return Ok(grid),
             Some(grid) if grid.holds(norms) => {

@@ -33,8 +33,8 @@ CRATES = {"obvhs": "scene/tracer.rs", "pyo3": "python/", "numpy": "python/", "me
 PACKAGES = {
     "OpenImageIO": {"io"},
     "trimesh": {"io", "scene_io", "gltf"},
-    "matplotlib": {"report", "plots"},
-    "PIL": {"report", "animation", "scene_io", "gltf"},
+    "matplotlib": {"figures", "pictures"},
+    "PIL": {"gltf", "pictures", "scene_io"},
     "scipy": {"transport"},
     "mitsuba": set(),
     "embreex": set(),

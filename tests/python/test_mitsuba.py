@@ -287,7 +287,7 @@ def tiles_of(transport):
 def test_every_receiver(measured, name, environment):
     transport, is_open, origin = measured(name)
     light = light_of(environment)
-    samples = 1_000_000 // len(origin)
+    samples = 3_000_000 // len(origin)
     normal = transport._core.normal.astype(np.float64)
     expected, error = estimate(is_open, origin, normal, light, samples, seed=11)
     found = response(transport, light)

@@ -339,7 +339,7 @@ def test_the_plan_says_what_is_left_out(tmp_path):
     after = transport.plan
     assert after.rows == transport.shape[0] <= before.rows
     assert any("pixels of background" in reason for reason in after.left_out)
-    assert any("truncation" in note for note in after.notes)
+    assert any("truncated" in note for note in after.notes)
 
 
 def test_progress_bar_is_quiet_for_short_work(tmp_path, capsys):
