@@ -21,7 +21,8 @@ __all__ = ["plan", "precompute"]
 # Every value of M is an integer times 2^-24: below what an image can show, coarse enough for exact sums.
 _QUANTUM = -24
 _TILE_ROWS = 8192
-# Bundles of 64 rows that are looked at first, to choose the threshold for the stated error: one in twenty, within limits.
+# Bundles of 64 rows that are looked at first, to choose the threshold for the stated error: one in twenty, but at
+# least and at most so many.
 _SURVEY = (8, 64)
 
 

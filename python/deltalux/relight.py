@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -85,12 +86,16 @@ class Relighter:
         self.method = method
         core = transport._core
         kept = core.kept()
+        weight = getattr(method, "weight", "area")
+        milliseconds = getattr(method, "milliseconds", None)
+        self._deadline = None if milliseconds is None else _Deadline(milliseconds)
         chosen = settings(
             method,
             transport.columns.areas,
-            transport.column_norms if getattr(method, "weight", "area") in ("transport", "cost") else None,
-            transport.column_bytes if getattr(method, "weight", "area") == "cost" else None,
+            transport.column_norms if weight in ("transport", "cost") else None,
+            transport.column_bytes if weight == "cost" or self._deadline else None,
             kept.max(axis=0) if getattr(method, "error", None) is not None else None,
+            milliseconds_cost=self._deadline.bytes if self._deadline else None,
         )
         self._core = _core.Updater(core, chosen, initial == "full")
 
@@ -117,11 +122,15 @@ class Relighter:
             raise ValueError(f"expected a light of shape ({self.transport.shape[1]}, 3), got {V.shape}")
         projected = time.perf_counter() - started
         values, (columns, _, resets), bound, converged, choosing, multiplying = self._core.step(V)
+        seconds = time.perf_counter() - started
+        if self._deadline is not None:
+            self._deadline.learn(seconds, float(self.transport.column_bytes[columns].sum()))
+            self._core.set_cost(self._deadline.bytes)
         return Frame(
             values=values,
             columns=columns,
             resets=tuple(resets),
-            seconds=time.perf_counter() - started,
+            seconds=seconds,
             choosing=projected + choosing,
             multiplying=multiplying,
             bound=max(bound),
@@ -143,3 +152,26 @@ class Relighter:
     def nbytes(self) -> int:
         """Bytes beyond M that this relighter holds."""
         return self._core.nbytes
+
+
+class _Deadline:
+    """How many bytes of M a frame may stream to end in time, learnt from the frames before.
+
+    A frame takes a fixed part and a part for each byte; both are held at the slow end of what the last frames showed.
+    """
+
+    def __init__(self, milliseconds: float) -> None:
+        self._seconds = milliseconds / 1000
+        self._fixed: deque[float] = deque(maxlen=64)
+        self._rate = 2e9
+        self.bytes = max(self._seconds - 5e-4, 0.0) * self._rate
+
+    def learn(self, seconds: float, streamed: float) -> None:
+        """Takes in one frame: what it took and what it streamed."""
+        self._fixed.append(seconds - streamed / self._rate)
+        fixed = max(float(np.quantile(self._fixed, 0.9)), 0.0)
+        if streamed > 1e5 and seconds > fixed:
+            # Slower at once, faster by and by.
+            rate = streamed / (seconds - fixed)
+            self._rate = min(rate, self._rate) if rate < self._rate else self._rate + 0.05 * (rate - self._rate)
+        self.bytes = max(self._seconds - fixed, 0.0) * self._rate

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -154,7 +154,8 @@ class Transport:
     @cached_property
     def column_bytes(self) -> NDArray[np.float64]:
         """The bytes of M that a frame streams for each column: (columns,)."""
-        return self._core.column_entries() * (18.0 if self._core.width == "i8" else 34.0)
+        entry = 18 if self._core.width == "i8" else 34
+        return self._core.column_entries().astype(np.float64) * entry
 
     @cached_property
     def albedo(self) -> NDArray[np.float32]:
@@ -168,27 +169,31 @@ class Transport:
         indptr, indices, data = self._core.to_csr()
         return scipy.sparse.csr_matrix((data, indices, indptr), shape=self.shape)
 
+    # What scipy asks of a linear operator: `scipy.sparse.linalg.aslinearoperator(transport)` takes these.
+    dtype = np.dtype(np.float64)
+
+    def matmat(self, x: ArrayLike) -> NDArray[np.float64]:
+        """M x, for x (columns,) or (columns, k): float64."""
+        columns = np.asarray(x, np.float64).reshape(self.shape[1], -1).T
+        # The kernel multiplies three colours at a time.
+        padded = np.zeros((-(-len(columns) // 3) * 3, self.shape[1]))
+        padded[: len(columns)] = columns
+        product = self._core.multiply(np.ascontiguousarray(padded.reshape(-1, 3, self.shape[1]).swapaxes(1, 2)))
+        flat = product.swapaxes(1, 2).reshape(-1, self.shape[0])[: len(columns)].T
+        return np.array(flat, np.float64).reshape((self.shape[0], *np.shape(x)[1:]))
+
+    def rmatmat(self, y: ArrayLike) -> NDArray[np.float64]:
+        """The transpose of M times y, for y (rows,) or (rows, k): float64."""
+        stacked = np.ascontiguousarray(np.asarray(y, np.float64).reshape(self.shape[0], -1))
+        return self._core.transpose_multiply(stacked).reshape((self.shape[1], *np.shape(y)[1:]))
+
+    matvec, rmatvec = matmat, rmatmat
+
     def linear_operator(self) -> scipy.sparse.linalg.LinearOperator:
         """M and its transpose as a scipy LinearOperator, float64."""
         import scipy.sparse.linalg
 
-        def forward(x: NDArray[Any]) -> NDArray[np.float64]:
-            columns = np.atleast_2d(np.asarray(x, np.float64).reshape(self.shape[1], -1).T)
-            # The kernel multiplies three colours at a time.
-            padded = np.zeros((-(-len(columns) // 3) * 3, self.shape[1]))
-            padded[: len(columns)] = columns
-            product = self._core.multiply(np.ascontiguousarray(padded.reshape(-1, 3, self.shape[1]).swapaxes(1, 2)))
-            flat = product.swapaxes(1, 2).reshape(-1, self.shape[0])[: len(columns)].T
-            response: NDArray[np.float64] = np.asarray(flat, np.float64).reshape((self.shape[0], *np.shape(x)[1:]))
-            return response
-
-        def backward(y: NDArray[Any]) -> NDArray[np.float64]:
-            stacked = np.ascontiguousarray(np.asarray(y, np.float64).reshape(self.shape[0], -1))
-            return self._core.transpose_multiply(stacked).reshape((self.shape[1], *np.shape(y)[1:]))
-
-        return scipy.sparse.linalg.LinearOperator(
-            self.shape, matvec=forward, rmatvec=backward, matmat=forward, rmatmat=backward, dtype=np.float64
-        )
+        return scipy.sparse.linalg.aslinearoperator(self)
 
     def truncated(self, path: str | os.PathLike[str], tolerance: float) -> Transport:
         """Writes a smaller transport with a larger stated error, and opens it."""

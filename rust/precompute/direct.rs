@@ -1,7 +1,9 @@
 //! The direct diffuse pass: T_p = V_p cos(theta_p) / pi * sqrt(dw_p) for every texel p, turned into Haar coefficients (or
 //! into those of spherical harmonics: `projection.rs`).
 //!
+//! ```text
 //!     B(x) = 1/pi Int L V cos dw = sum_p L_p sqrt(dw_p) * T_p        (Overbeck 2006, eq. 3.1; the albedo stays outside)
+//! ```
 //!
 //! One ray to the centre of every texel above the horizon; where a texel and its neighbour differ, an edge of what the
 //! receiver sees runs through one of them, and stratified rays measure how much of each is open. 64 neighbouring receivers

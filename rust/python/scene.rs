@@ -94,7 +94,8 @@ impl Scene {
         let source = rows.triangle.iter().map(|&triangle| self.mesh.source[triangle as usize]).collect();
         let scale = 1.0 / self.mesh.scale;
         let centre = self.mesh.centre;
-        let position = rows.origin.iter().map(|p| std::array::from_fn(|k| (f64::from(p[k]) * scale + centre[k]) as f32));
+        let position =
+            rows.origin.iter().map(|p| std::array::from_fn(|k| (f64::from(p[k]) * scale + centre[k]) as f32));
         Ok(Receivers { position: position.collect(), source, rows: Arc::new(rows) })
     }
 }

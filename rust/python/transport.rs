@@ -12,10 +12,10 @@ use pyo3::prelude::*;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
+use crate::relight::shade::{Rows, resolve};
 use crate::transport::manifest::{Manifest, TILES_PER_SHARD, width_name};
 use crate::transport::truncate::bf16;
 use crate::transport::{Audit, Dense, Description, ReceiverTable, Survey, Tile, TransportMatrix, Truncation, Values};
-use crate::relight::shade::{Rows, resolve};
 use crate::transport::{Width, Writer, open};
 use crate::update::{RowNorm, multiply};
 
@@ -322,11 +322,18 @@ impl Transport {
     fn audit(&self, py: Python<'_>) -> PyResult<Option<(Py<PyArray1<u32>>, Transport)>> {
         let Some(audit) = &self.file()?.audit else { return Ok(None) };
         let groups = PyArray1::from_slice(py, &audit.groups).unbind();
-        Ok(Some((groups, Transport { matrix: Arc::new(self.audit_matrix(audit)), row_norm: OnceLock::new(), file: None })))
+        Ok(Some((
+            groups,
+            Transport { matrix: Arc::new(self.audit_matrix(audit)), row_norm: OnceLock::new(), file: None },
+        )))
     }
 
     /// B = M V for (k, columns, 3) float64: (k, rows, 3) float32.
-    fn multiply<'py>(&self, py: Python<'py>, lights: PyReadonlyArray3<'py, f64>) -> PyResult<Bound<'py, PyArray3<f32>>> {
+    fn multiply<'py>(
+        &self,
+        py: Python<'py>,
+        lights: PyReadonlyArray3<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray3<f32>>> {
         let (count, rows) = (lights.shape()[0], self.matrix.rows);
         let per_light = 3 * self.matrix.bands.columns();
         let flat = lights.as_slice()?;

@@ -22,7 +22,10 @@ impl Camera {
     pub fn check(&self) -> Result<()> {
         let sides = [self.width, self.height];
         if sides.iter().any(|&side| side == 0 || side > Self::MAX_SIDE) {
-            return Err(Error::input(format!("expected a picture of 1 to {} pixels a side, got {sides:?}", Self::MAX_SIDE)));
+            return Err(Error::input(format!(
+                "expected a picture of 1 to {} pixels a side, got {sides:?}",
+                Self::MAX_SIDE
+            )));
         }
         let frame = [self.position, self.right, self.up, self.forward];
         if !(self.half_height > 0.0 && self.half_height.is_finite() && frame.iter().flatten().all(|x| x.is_finite())) {

@@ -166,7 +166,9 @@ fn resolve(primary: &Primary, column: usize, row: usize, centre: Option<Seen>, c
 }
 
 fn interleave(column: usize, row: usize) -> u64 {
-    (0..16).fold(0, |code, bit| code | ((column >> bit & 1) as u64) << (2 * bit) | ((row >> bit & 1) as u64) << (2 * bit + 1))
+    (0..16).fold(0, |code, bit| {
+        code | ((column >> bit & 1) as u64) << (2 * bit) | ((row >> bit & 1) as u64) << (2 * bit + 1)
+    })
 }
 
 /// The place of a point of the normalised scene along a Morton curve, 21 bits an axis.
@@ -214,8 +216,11 @@ impl Receivers {
     /// Lays the rows out: blocks of pixels in Morton order, and along a Morton curve in space inside a block.
     fn in_order(width: usize, height: usize, sampling: PixelSampling, pixels: &[Vec<Pixel>]) -> Receivers {
         let per_pixel = if sampling == PixelSampling::Edges { 3 } else { 1 };
-        let mut receivers =
-            Receivers { rays: (width * height * per_pixel) as u64, background: vec![0.0; width * height], ..Default::default() };
+        let mut receivers = Receivers {
+            rays: (width * height * per_pixel) as u64,
+            background: vec![0.0; width * height],
+            ..Default::default()
+        };
         let mut rows = Vec::new();
         for (row, line) in pixels.iter().enumerate() {
             for (column, pixel) in line.iter().enumerate() {

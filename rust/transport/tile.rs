@@ -4,7 +4,9 @@
 //! word and 16 integers each. One index and one conversion then serve 16 rows and 3 colours. An entry's word holds the
 //! group's number in the tile (low 10 bits) and a binary shift (high 6 bits), so that the value of lane l is
 //!
+//! ```text
 //!     values[16 e + l] * 2^(quantum + shift)
+//! ```
 //!
 //! with one `quantum` for the whole matrix. All values of M are thus integers times 2^quantum: sums of such values with
 //! coefficients from a dyadic grid are exact in f64, in any order (`update/response.rs`).

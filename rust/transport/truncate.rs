@@ -4,7 +4,9 @@
 //! lane matters or all do, so it is kept by what all lanes give together to the image under the light prior E[V_j^2] ~
 //! area_j:
 //!
+//! ```text
 //!     sum_l T_lj^2 * weight_b^2 >= threshold^2,    weight_b = sqrt(area of band b's columns)
+//! ```
 //!
 //! The scaling columns are always kept: without them rows no longer sum to the light they receive (the white furnace).
 //! What is kept is rounded to integers times 2^(quantum + shift), with the least shift that fits the width. What a row

@@ -2,11 +2,15 @@
 //!
 //! With T the true transport, T' the stored one, V the light and V~ what has been applied of it,
 //!
+//! ```text
 //!     T V - T' V~ = T' (V - V~) + (T - T') V,
+//! ```
 //!
 //! so that by Cauchy-Schwarz in each band b (NUMERICS 2c, eq. 2)
 //!
+//! ```text
 //!     |B - B~|_i <= sum_b |T'_i,b| |(V - V~)_b| + sum_b |(T - T')_i,b| |V_b| + 2^-24 |B~_i|,
+//! ```
 //!
 //! the last for rounding B~ to f32. V is the light before it was rounded to the grid: that error is thereby included.
 

@@ -1,9 +1,9 @@
 //! The Rust suite: one module for each room of the house.
 mod update;
 
-mod transport;
 mod basis;
-mod scene;
+mod harmonics;
 mod light;
 mod response;
-mod harmonics;
+mod scene;
+mod transport;
