@@ -44,13 +44,13 @@ QUALITIES = {
 }
 """Presets by outcome; `lossless` keeps every coefficient above 2^-24."""
 
-# Estimates, from the built-in scenes at 512 x 512 (benches/record): rows for each pixel, the share of rays above the
-# horizon, edge rays for each first ray, rays a second and thread, and entries for each group of 16 rows at haar:64.
+# Estimates, from the built-in plant at 512 x 512 and haar:64: rows for each pixel, the share of rays above the horizon,
+# edge rays for each first ray, rays a second and thread, and entries for each group of 16 rows.
 _ROWS_PER_PIXEL = 1.25
 _ABOVE = 0.5
-_EDGE_RAYS = 1.5
-_RAYS_PER_SECOND = 4e6
-_ENTRIES_PER_GROUP = {"preview": 350, "publication": 900, "lossless": 9000}
+_EDGE_RAYS = 1.2
+_RAYS_PER_SECOND = 6e6
+_ENTRIES_PER_GROUP = {"preview": 60, "publication": 420, "lossless": 9000}
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ def make_plan(scene: Scene, columns: Columns, quality: str, settings: Quality) -
     rays = rows * texels * _ABOVE * (1 + edge_rays)
     entry = 18 if settings.width == "i8" else 34
     # Entries grow slower than columns, fine wavelets being sparse; harmonics are dense.
-    sparse = _ENTRIES_PER_GROUP.get(quality, 900) * (columns.columns / 24576) ** 0.5
+    sparse = _ENTRIES_PER_GROUP[quality] * (columns.columns / 24576) ** 0.5
     entries = sparse if isinstance(columns, Haar) else columns.columns
     triangles = len(scene.triangles)
     in_flight = threads * 16 * texels * 4 * 2 + 4 * 8192 / 16 * entries * entry * 3
