@@ -129,7 +129,7 @@ def make_plan(scene: Scene, columns: Columns, quality: str, settings: Quality) -
     rays = rows * texels * _ABOVE * (1 + edge_rays)
     entry = 18 if settings.width == "i8" else 34
     # Entries grow slower than columns, fine wavelets being sparse; harmonics are dense.
-    sparse = _ENTRIES_PER_GROUP[quality] * (columns.columns / 24576) ** 0.5
+    sparse = _ENTRIES_PER_GROUP.get(quality, 420) * (columns.columns / 24576) ** 0.5
     entries = sparse if isinstance(columns, Haar) else columns.columns
     triangles = len(scene.triangles)
     in_flight = threads * 16 * texels * 4 * 2 + 4 * 8192 / 16 * entries * entry * 3
