@@ -10,9 +10,8 @@ from __future__ import annotations
 import argparse
 import time
 
-import numpy as np
-
 import deltalux as dl
+import numpy as np
 
 
 def timed(work, repeats):

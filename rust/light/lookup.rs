@@ -12,16 +12,19 @@ fn mix(a: [f64; 3], b: [f64; 3], f: f64) -> [f64; 3] {
     std::array::from_fn(|c| a[c] * (1.0 - f) + b[c] * f)
 }
 
-/// A lat-long image between the centres of its pixels; columns wrap, the first and last row reach to the poles.
+/// A lat-long image between the centres of its pixels; columns wrap, and beyond a pole lies the row on its other side.
 pub fn lat_long(pixels: &[[f32; 3]], width: usize, height: usize, direction: [f64; 3]) -> [f64; 3] {
     let [x, y, z] = direction;
     let length = (x * x + y * y + z * z).sqrt();
     let u = (x.atan2(-z) / (2.0 * PI)).rem_euclid(1.0) * width as f64 - 0.5;
     let v = (y / length).clamp(-1.0, 1.0).acos() / PI * height as f64 - 0.5;
     let (left, top) = (u.floor(), v.floor());
-    let column = |k: usize| (left as isize + k as isize).rem_euclid(width as isize) as usize;
-    let row = |k: usize| (top as isize + k as isize).clamp(0, height as isize - 1) as usize;
-    let pixel = |r: usize, c: usize| pixels[row(r) * width + column(c)].map(f64::from);
+    let pixel = |r: usize, c: usize| {
+        let (row, column) = (top as isize + r as isize, left as isize + c as isize);
+        let inside = row.clamp(0, height as isize - 1);
+        let column = if row == inside { column } else { column + width as isize / 2 };
+        pixels[inside as usize * width + column.rem_euclid(width as isize) as usize].map(f64::from)
+    };
     let line = |r: usize| mix(pixel(r, 0), pixel(r, 1), u - left);
     mix(line(0), line(1), v - top)
 }

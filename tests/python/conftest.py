@@ -7,6 +7,11 @@ import pytest
 from deltalux import _core
 from deltalux.plan import QUALITIES, Quality
 from deltalux.scene import Scene
+from hypothesis import settings
+
+# The same examples in every run: a failure is a change of the code, and can be repeated.
+settings.register_profile("suite", derandomize=True, deadline=None)
+settings.load_profile("suite")
 
 CENTRES = "centres"
 
