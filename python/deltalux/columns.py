@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from .environment import Environment, _rotation
+from .environment import Environment, _rotation, unit_directions
 
 __all__ = ["Columns", "Haar", "SphericalHarmonics", "parse"]
 
@@ -158,14 +158,8 @@ class SphericalHarmonics:
 
         ``evaluate(directions) @ V`` is the light that the coefficients V describe.
         """
-        array = np.asarray(directions, np.float64)
-        if array.ndim == 0 or array.shape[-1] != 3:
-            raise ValueError(f"expected directions of shape (..., 3), got {array.shape}")
-        length = np.linalg.norm(array, axis=-1, keepdims=True)
-        if not np.all(np.isfinite(length) & (length > 0)):
-            raise ValueError("expected finite directions other than (0, 0, 0)")
-        flat = np.ascontiguousarray((array / length).reshape(-1, 3))
-        return _core.harmonic_values(self.order, flat).reshape(*array.shape[:-1], self.columns)
+        unit = unit_directions(directions)
+        return _core.harmonic_values(self.order, unit.reshape(-1, 3)).reshape(*unit.shape[:-1], self.columns)
 
     def rotated(self, V: ArrayLike, degrees: float, axis: str | ArrayLike = "y") -> NDArray[np.float64]:
         """The coefficients (columns, 3) of the light turned about an axis, as `Environment.rotated` turns it.

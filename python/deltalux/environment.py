@@ -154,15 +154,9 @@ class Environment:
 
     def radiance(self, directions: ArrayLike) -> NDArray[np.float32]:
         """Radiance from directions (..., 3) of any length, (..., 3) float32: what a camera sees behind the scene."""
-        array = np.asarray(directions, np.float64)
-        if array.ndim == 0 or array.shape[-1] != 3:
-            raise ValueError(f"expected directions of shape (..., 3), got {array.shape}")
-        length = np.linalg.norm(array, axis=-1, keepdims=True)
-        if not np.all(np.isfinite(length) & (length > 0)):
-            raise ValueError("expected finite directions other than (0, 0, 0)")
-        flat = np.ascontiguousarray((array / length).reshape(-1, 3))
-        radiance: NDArray[np.float32] = _core.environment_radiance(self._parts, flat)
-        return radiance.reshape(array.shape)
+        unit = unit_directions(directions)
+        radiance: NDArray[np.float32] = _core.environment_radiance(self._parts, unit.reshape(-1, 3))
+        return radiance.reshape(unit.shape)
 
 
 @cache
@@ -232,3 +226,15 @@ def _as_matrix(matrix: NDArray[np.float64]) -> _Matrix:
     if np.abs(matrix @ matrix.T - np.eye(3)).max() > 1e-15:
         matrix = matrix @ (1.5 * np.eye(3) - 0.5 * matrix.T @ matrix)
     return tuple((float(a), float(b), float(c)) for a, b, c in matrix)
+
+
+def unit_directions(directions: ArrayLike) -> NDArray[np.float64]:
+    """Directions (..., 3) of any length, checked and made unit: (..., 3) float64, contiguous."""
+    array = np.asarray(directions, np.float64)
+    if array.ndim == 0 or array.shape[-1] != 3:
+        raise ValueError(f"expected directions of shape (..., 3), got {array.shape}")
+    length = np.linalg.norm(array, axis=-1, keepdims=True)
+    if not np.all(np.isfinite(length) & (length > 0)):
+        raise ValueError("expected finite directions other than (0, 0, 0)")
+    unit: NDArray[np.float64] = np.ascontiguousarray(array / length)
+    return unit
