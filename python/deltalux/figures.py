@@ -1,40 +1,19 @@
-"""The plots of the report (matplotlib without a display)."""
+"""The plots of the report."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .motion import Motion
+from .plotting import FAMILIES, MARKERS, across, drawing, mark_stop, percent
 from .replay import Replay, Row
 from .size_curve import Point
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 __all__ = ["bytes_figure", "frames_figure", "resets_figure", "terms_figure", "time_figure"]
 
-# Okabe and Ito's colours, which colour-blind readers tell apart; shades run with the budget.
-FAMILIES = {"NWA": "#D55E00", "BI": "#009E73", "PBI": "#0072B2", "PBI by transport": "#CC79A7", "exact": "#000000"}
-_MARKERS = {"NWA": "o", "BI": "s", "PBI": "D", "PBI by transport": "^", "exact": "*"}
-_STYLE: Any = {
-    "font.family": "DejaVu Sans",
-    "font.size": 10,
-    "axes.titlesize": 11,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "grid.color": "#e3e3e3",
-    "legend.frameon": False,
-    "figure.dpi": 110,
-    "savefig.facecolor": "white",
-}
 _LINES = {
     "NWA-30": (":", 1.4),
     "NWA-100": ("--", 1.4),
@@ -45,49 +24,13 @@ _LINES = {
 }
 
 
-@contextmanager
-def _figure(
-    path: Path, rows: int, columns: int, size: tuple[float, float], **options: Any
-) -> Iterator[tuple[Figure, Any]]:
-    """A figure that is saved at the end; it needs no display and leaves the caller's matplotlib as it is."""
-    import matplotlib
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    with matplotlib.rc_context(_STYLE):
-        figure = Figure(figsize=size, layout="constrained")
-        FigureCanvasAgg(figure)
-        yield figure, figure.subplots(rows, columns, **options)
-        figure.savefig(path, dpi=110)
-
-
-def _percent(axis: Any) -> None:
-    """Plain percentages on a logarithmic axis."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
-    axis.set_major_locator(LogLocator(10, subs=(1, 2, 5)))
-    axis.set_major_formatter(
-        FuncFormatter(lambda value, _: np.format_float_positional(value, 6, trim="-", fractional=False))
-    )
-    axis.set_minor_formatter(NullFormatter())
-
-
-def _mark_stop(axes: Axes, motion: Motion) -> None:
-    axes.axvline(motion.stop, color="#888888", linewidth=1)
-    axes.text(motion.stop, 1.01, "stop ", ha="right", va="bottom", color="#555555", fontsize=9, transform=_x_data(axes))
-
-
-def _x_data(axes: Axes) -> Any:
-    return axes.get_xaxis_transform()
-
-
 def frames_figure(path: Path, result: Replay, motion: Motion) -> None:
     """Error against frame: of the light as in the papers' Fig. 6.2, and of the image."""
     measures = (
         ("light_l1", "Light: area-weighted L1 error (%)"),
         ("image_l2", "Image: L2 error (%)"),
     )
-    with _figure(path, 2, 1, (8.6, 7.4), sharex=True) as (figure, both):
+    with drawing(path, 2, 1, (8.6, 7.4), sharex=True) as (figure, both):
         for axes, (what, title) in zip(both, measures, strict=True):
             for name, (style, width) in _LINES.items():
                 if name not in result.records:
@@ -97,8 +40,8 @@ def frames_figure(path: Path, result: Replay, motion: Motion) -> None:
                 axes.plot(error, style, linewidth=width, color=FAMILIES[name.split("-")[0]], label=name)
             axes.set_yscale("log")
             axes.set_ylabel(title)
-            _percent(axes.yaxis)
-            _mark_stop(axes, motion)
+            percent(axes.yaxis)
+            mark_stop(axes, motion)
         both[1].set_xlabel("Frame")
         both[0].set_xlim(0, len(motion.angles) - 1)
         figure.suptitle(f"Error against frame under {result.environment}: {motion}", fontsize=11)
@@ -112,7 +55,7 @@ def time_figure(path: Path, result: Replay, motion: Motion, rows: Sequence[Row],
     turning = slice(1, motion.stop + 1)
     last = len(motion.angles) - 1
     panels = ((turning, "while rotating (mean)"), (slice(last, last + 1), f"{motion.hold} frames after the stop"))
-    with _figure(path, 1, 2, (10.5, 4.9), sharex=True, sharey=True) as (figure, both):
+    with drawing(path, 1, 2, (10.5, 4.9), sharex=True, sharey=True) as (figure, both):
         for axes, (frames, title) in zip(both, panels, strict=True):
             for family in dict.fromkeys(row.family for row in rows if row.family != "exact"):
                 points = []
@@ -123,7 +66,7 @@ def time_figure(path: Path, result: Replay, motion: Motion, rows: Sequence[Row],
                 p50, p95, error, _ = np.array(points, float).T
                 shown = error > 0
                 axes.plot(
-                    p50[shown], error[shown], "-", color=colour, marker=_MARKERS[family], label=family, markersize=6
+                    p50[shown], error[shown], "-", color=colour, marker=MARKERS[family], label=family, markersize=6
                 )
                 axes.hlines(error[shown], p50[shown], p95[shown], color=colour, alpha=0.35, linewidth=3)
                 below = (0, 6) if family in ("NWA", "BI") else (0, -13)
@@ -142,8 +85,8 @@ def time_figure(path: Path, result: Replay, motion: Motion, rows: Sequence[Row],
             axes.set(xscale="log", yscale="log", title=title)
             plural = "s" if threads > 1 else ""
             axes.set_xlabel(f"Frame on {threads} thread{plural} (ms): median, bar to 95th percentile")
-            _percent(axes.xaxis)
-            _percent(axes.yaxis)
+            percent(axes.xaxis)
+            percent(axes.yaxis)
         both[0].set_ylabel("Image: L2 error (%)")
         figure.suptitle(f"Error against run time under {result.environment}; labels are terms a frame", fontsize=11)
         handles, labels = both[0].get_legend_handles_labels()
@@ -154,7 +97,7 @@ def resets_figure(path: Path, result: Replay, motion: Motion, areas: Sequence[fl
     """Resets of every band over the rotation (the papers' Fig. 6.4)."""
     bands = len(areas)
     options = {"sharex": True, "height_ratios": (2.2, 1)}
-    with _figure(path, 2, 1, (8.6, 4.8), **options) as (figure, (raster, profile)):
+    with drawing(path, 2, 1, (8.6, 4.8), **options) as (figure, (raster, profile)):
         for band in range(bands):
             frames = [record.frame for record in result.records[method] if band in record.resets]
             raster.axhline(band, color="#bbbbbb", linewidth=1)
@@ -178,7 +121,7 @@ def resets_figure(path: Path, result: Replay, motion: Motion, areas: Sequence[fl
 
 def terms_figure(path: Path, result: Replay, areas: Sequence[float], methods: Sequence[str]) -> None:
     """Which bands the terms of a rotating frame go to."""
-    with _figure(path, 1, 1, (8.6, 3.2)) as (figure, axes):
+    with drawing(path, 1, 1, (8.6, 3.2)) as (figure, axes):
         width = 0.8 / len(methods)
         for k, name in enumerate(methods):
             at = np.arange(len(areas)) + (k - (len(methods) - 1) / 2) * width
@@ -197,7 +140,7 @@ def bytes_figure(path: Path, points: Sequence[Point]) -> None:
     curve, own = points[:-1], points[-1]
     megabytes = np.array([point.megabytes for point in curve])
     colours = ("#0072B2", "#009E73", "#56B4E9", "#F0E442")
-    with _figure(path, 1, 1, (8.6, 4.8)) as (figure, axes):
+    with drawing(path, 1, 1, (8.6, 4.8)) as (figure, axes):
         series = [(name, [p.errors[name] for p in points], f"{name}, rotated (mean)", "o-") for name in own.errors]
         series += [
             ("sun", [p.sun_mean for p in points], "one-texel sun (mean)", "s--"),
@@ -218,7 +161,7 @@ def bytes_figure(path: Path, points: Sequence[Point]) -> None:
                 markeredgewidth=0.7,
             )
         axes.axvline(curve[-1].megabytes, color="#888888", linewidth=1, linestyle=":", zorder=0)
-        lossless = {"ha": "center", "va": "bottom", "fontsize": 9, "color": "#555555", "transform": _x_data(axes)}
+        lossless = {"ha": "center", "va": "bottom", "fontsize": 9, "color": "#555555", "transform": across(axes)}
         axes.text(curve[-1].megabytes, 1.01, "lossless: no error", **lossless)
         axes.axvline(own.megabytes, color="#888888", linewidth=1, zorder=0)
         axes.text(
@@ -229,7 +172,7 @@ def bytes_figure(path: Path, points: Sequence[Point]) -> None:
             va="bottom",
             fontsize=9,
             color="#555555",
-            transform=_x_data(axes),
+            transform=across(axes),
         )
         axes.set(
             xscale="log",
@@ -237,7 +180,7 @@ def bytes_figure(path: Path, points: Sequence[Point]) -> None:
             xlabel="Size of M (MB), extrapolated from the audited rows",
             ylabel="Image: L2 error (%)",
         )
-        _percent(axes.xaxis)
-        _percent(axes.yaxis)
+        percent(axes.xaxis)
+        percent(axes.yaxis)
         figure.suptitle("Error against bytes: what truncation costs (stars: this transport as it is)", fontsize=11)
         figure.legend(loc="outside right center")

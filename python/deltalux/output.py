@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import csv
 import os
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-__all__ = ["check_folder", "claim", "nearest", "write_csv"]
+__all__ = ["check_folder", "claim", "nearest", "slug", "write_csv"]
 
 # The names that a run of ours has written, one a line; whatever is not in it belongs to someone else.
 _LIST = ".deltalux-files"
@@ -53,6 +54,13 @@ def claim(folder: str | os.PathLike[str], names: Sequence[str]) -> Path:
     for name in stale:
         (path / name).unlink(missing_ok=True)
     return path
+
+
+def slug(name: str, k: int) -> str:
+    """A name for files: what is plain of a name, its ending left out, made unique by its number."""
+    stem = re.sub(r"\.(hdr|exr|png|jpg)\b", "", name.lower())
+    plain = "".join(letter if letter.isascii() and letter.isalnum() else "-" for letter in stem)
+    return f"{k + 1}-{plain.strip('-') or 'light'}"
 
 
 def _written(path: Path) -> set[str]:

@@ -14,7 +14,7 @@ from .environment import Environment
 from .machine import require_release
 from .methods import Full, Incremental, Nonlinear, PerBand
 from .motion import Motion, ease
-from .output import check_folder, claim
+from .output import check_folder, claim, slug
 from .pictures import Gallery
 from .progress import Progress, reporter
 from .replay import Replay, Row, hold_still, replay, time_frames
@@ -42,12 +42,6 @@ SAVED = ("exact", "PBI-30")
 THREADS = (1, 2)
 
 
-def _slug(env: Environment, k: int) -> str:
-    """A name for files: what is plain of the environment's own, made unique by its number."""
-    plain = "".join(letter if letter.isascii() and letter.isalnum() else "-" for letter in Path(env.name).stem.lower())
-    return f"{k + 1}-{plain.strip('-') or 'light'}"
-
-
 def _frame_names(slug: str, motion: Motion) -> dict[tuple[str, int], str]:
     return {(name, frame): f"{slug}-frame-{frame:04d}-{name}" for name in SAVED for frame, _ in motion.moments}
 
@@ -56,7 +50,7 @@ def _file_names(envs: Sequence[Environment], motion: Motion) -> list[str]:
     """Every file that a report may write."""
     names = ["index.html", "frames.csv", "methods.csv", "bytes.csv", "error-against-bytes.png"]
     for k, env in enumerate(envs):
-        slug = _slug(env, k)
+        prefix = slug(env.name, k)
         kinds = (
             "error-against-frame.png",
             "error-against-time.png",
@@ -65,8 +59,8 @@ def _file_names(envs: Sequence[Environment], motion: Motion) -> list[str]:
             "strip.png",
             "animation.webp",
         )
-        names += [f"{slug}-{kind}" for kind in kinds]
-        names += [f"{stem}{suffix}" for stem in _frame_names(slug, motion).values() for suffix in (".png", ".exr")]
+        names += [f"{prefix}-{kind}" for kind in kinds]
+        names += [f"{stem}{suffix}" for stem in _frame_names(prefix, motion).values() for suffix in (".png", ".exr")]
     return names
 
 
@@ -133,18 +127,18 @@ def report(
     path = claim(folder, _file_names(envs, motion))
     chapters = []
     for k, light in enumerate(envs):
-        slug = _slug(light, k)
+        prefix = slug(light.name, k)
         result, gallery = _measure(transport, light, motion, progress)
         errors = {(name, frame): result.records[name][frame].image_l2 for name in STRIP for frame, _ in motion.moments}
         step = reporter(progress, f"{light.name}: pictures")
         step(0, 3)
-        gallery.save_strip(path / f"{slug}-strip.png", errors)
+        gallery.save_strip(path / f"{prefix}-strip.png", errors)
         step(1, 3)
-        gallery.save_frames(path, _frame_names(slug, motion), light.name)
+        gallery.save_frames(path, _frame_names(prefix, motion), light.name)
         step(2, 3)
-        gallery.save_animation(path / f"{slug}-animation.webp")
+        gallery.save_animation(path / f"{prefix}-animation.webp")
         step(3, 3)
-        chapters.append((slug, result, gallery.exposure or 0.0, _frame_names(slug, motion)))
+        chapters.append((prefix, result, gallery.exposure or 0.0, _frame_names(prefix, motion)))
     write(path, transport, motion, METHODS, chapters, size_curve(transport, envs, motion))
     return path / "index.html"
 

@@ -18,11 +18,12 @@ _COARSE_BANDS = 3
 
 @dataclass(frozen=True)
 class Verdict:
-    """A claim in plain words, whether it holds here, and the figures that say so."""
+    """A claim, whether it holds here, the figures that say so, and in plain words why or why not."""
 
     claim: str
     holds: bool
     figures: str
+    why: str = ""
 
 
 def verdicts(result: Replay, motion: Motion) -> list[Verdict]:

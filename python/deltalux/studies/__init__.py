@@ -1,0 +1,123 @@
+"""Studies of the temporal coherence of light, and of what the methods make of it (Overbeck 2006, chapters 5 to 8).
+
+Each leaves pictures, tables (CSV) and a page that ends with the papers' claims: our figure, whether it holds, and where
+it does not, why. `study` runs one by its name; studies of light alone need no scene.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..columns import Haar
+from ..environment import Environment
+from ..motion import Motion
+from ..output import check_folder, claim, slug
+from ..progress import Progress, reporter
+from ..transport import Transport
+from . import lighting_error
+from .case import Case
+from .sheet import PAGE, Sheet
+from .study import Study
+
+__all__ = ["STUDIES", "Case", "Study", "check_study", "study"]
+
+STUDIES: dict[str, Study] = {
+    "lighting-error": lighting_error.STUDY,
+}
+"""By name, in the order of the papers."""
+
+
+def check_study(
+    name: str,
+    folder: str | os.PathLike[str],
+    env: Environment | Sequence[Environment],
+    transport: Transport | Sequence[Transport] = (),
+    *,
+    motion: Motion | None = None,
+    columns: Haar | None = None,
+) -> list[tuple[str, Case]]:
+    """What `study` would refuse, found at once and with nothing written; the chapters otherwise.
+
+    Raises
+    ------
+    ValueError, OSError
+        As `study`.
+    """
+    if name not in STUDIES:
+        raise ValueError(f"expected a study of {', '.join(STUDIES)}, got {name!r}")
+    envs = [env] if isinstance(env, Environment) else list(env)
+    transports = [transport] if isinstance(transport, Transport) else list(transport)
+    if not envs:
+        raise ValueError("expected at least one environment")
+    if STUDIES[name].needs_scene and not transports:
+        raise ValueError(f"the study {name!r} looks at pictures: expected a scene")
+    wrong = [found for found in transports if not isinstance(found.columns, Haar)]
+    if wrong:
+        raise ValueError(f"studies follow wavelets: expected a transport in haar columns, got {wrong[0].columns}")
+    pairs = [(light, found) for found in (transports or [None]) for light in envs]
+    cases = [
+        Case(light, motion or Motion(), found.columns if found else columns or Haar(64), found)  # type: ignore[arg-type]
+        for light, found in pairs
+    ]
+    chapters = [(slug(case.name, k), case) for k, case in enumerate(cases)]
+    check_folder(folder, _names(STUDIES[name], chapters))
+    return chapters
+
+
+def _names(chosen: Study, chapters: Sequence[tuple[str, Case]]) -> list[str]:
+    """Every file that a study may write."""
+    kinds = [f"{chapter}-{kind}" for chapter, case in chapters for kind in chosen.files(case)]
+    return [PAGE, *kinds]
+
+
+def study(
+    name: str,
+    folder: str | os.PathLike[str],
+    env: Environment | Sequence[Environment],
+    transport: Transport | Sequence[Transport] = (),
+    *,
+    motion: Motion | None = None,
+    columns: Haar | None = None,
+    progress: bool | Progress = True,
+) -> Path:
+    """Runs one study of `STUDIES` and writes what it finds.
+
+    Parameters
+    ----------
+    name
+        A key of `STUDIES`.
+    folder
+        Made if it is not there. Files in it that are not ours are never overwritten.
+    env
+        The light, or several; each gets a chapter.
+    transport
+        The scenes to look at, in Haar columns; with none, the light alone is studied where the study can do so.
+    motion
+        The rotation; by default 45 degrees in 100 frames, then 25 still.
+    columns
+        What light is measured in where there is no transport; by default `Haar(64)`, the papers' 24,576 wavelets.
+    progress
+        True: bars on standard error. A callable: progress(done, total), for each chapter anew.
+
+    Returns
+    -------
+    Path
+        The page, index.html.
+
+    Raises
+    ------
+    ValueError
+        If there is no such study, it needs a scene that is not given, or the transport has other columns than Haar.
+    OSError
+        If the folder cannot be written or holds files of others under our names.
+    """
+    chapters = check_study(name, folder, env, transport, motion=motion, columns=columns)
+    chosen = STUDIES[name]
+    names = _names(chosen, chapters)
+    sheet = Sheet(claim(folder, names), chosen.title, chosen.intro, names)
+    for chapter, case in chapters:
+        sheet.chapter(chapter, case.name)
+        chosen.run(case, sheet, reporter(progress, f"{name}: {case.name}"))
+    return sheet.save()

@@ -1,0 +1,79 @@
+"""What a study looks at: a light, how it moves, its columns, and the scene it falls on where there is one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..approximation import Approximation, Update
+from ..columns import Columns, Haar
+from ..environment import Environment
+from ..motion import Motion
+from ..replay import Row
+from ..transport import Transport
+
+__all__ = ["Case", "Light", "Moment", "band_names", "follow", "light_errors", "lights"]
+
+Light = NDArray[np.float64]
+"""Coefficients, (columns, 3)."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One chapter of a study."""
+
+    env: Environment
+    motion: Motion
+    columns: Haar
+    transport: Transport | None = None
+
+    @property
+    def name(self) -> str:
+        """The light, and the scene if there is one."""
+        return self.env.name if self.transport is None else f"{self.env.name} on {self.transport.plan.scene}"
+
+
+class Moment(NamedTuple):
+    """One frame of a follower: what it held before, what it was sent, and what it holds."""
+
+    before: Light
+    update: Update
+    values: Light
+
+
+def lights(env: Environment, motion: Motion, columns: Columns) -> list[Light]:
+    """V in every frame; frames that stand still share one array."""
+    frames: list[Light] = []
+    for k, angle in enumerate(motion.angles):
+        still = k > motion.stop
+        frames.append(frames[-1] if still else columns.coefficients(env.rotated(angle, motion.axis)))
+    return frames
+
+
+def follow(columns: Columns, row: Row, frames: Sequence[Light]) -> Iterator[Moment]:
+    """A method behind a moving light; those that start full hold the first frame's light exactly."""
+    approximation = Approximation(columns, row.method, frames[0] if row.initial == "full" else None)
+    values = approximation.values
+    for light in frames:
+        before = values
+        update = approximation.step(light)
+        values = approximation.values
+        yield Moment(before, update, values)
+
+
+def light_errors(columns: Columns, values: Light, light: Light) -> tuple[float, float]:
+    """The papers' error of light, sum of area |dL| over sum of area |L| on orthonormal coefficients; and plain L2."""
+    change = np.abs(values - light)
+    areas = columns.areas
+    l1 = float(areas @ change.sum(axis=1)) / float(areas @ np.abs(light).sum(axis=1))
+    return l1, float(np.linalg.norm(change) / np.linalg.norm(light))
+
+
+def band_names(columns: Haar) -> list[str]:
+    """Each band by the texels under its wavelets, as the papers name them; coarse to fine."""
+    bands, areas = columns.bands, columns.areas
+    return [f"{areas[bands == band].min():,.0f}" for band in range(int(bands[-1]) + 1)]
