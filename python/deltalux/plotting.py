@@ -1,4 +1,4 @@
-"""How all plots look (matplotlib without a display): one style, one palette, plain percentages, where the light stops."""
+"""How all plots look (matplotlib without a display): a style, a palette, plain percentages, where light stops."""
 
 from __future__ import annotations
 

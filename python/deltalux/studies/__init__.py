@@ -16,7 +16,7 @@ from ..motion import Motion
 from ..output import check_folder, claim, slug
 from ..progress import Progress, reporter
 from ..transport import Transport
-from . import lighting_error
+from . import coverage, energy, equal_quality, lighting_error, reset_raster
 from .case import Case
 from .sheet import PAGE, Sheet
 from .study import Study
@@ -25,6 +25,10 @@ __all__ = ["STUDIES", "Case", "Study", "check_study", "study"]
 
 STUDIES: dict[str, Study] = {
     "lighting-error": lighting_error.STUDY,
+    "coverage": coverage.STUDY,
+    "energy": energy.STUDY,
+    "resets": reset_raster.STUDY,
+    "equal-quality": equal_quality.STUDY,
 }
 """By name, in the order of the papers."""
 
@@ -56,11 +60,9 @@ def check_study(
     wrong = [found for found in transports if not isinstance(found.columns, Haar)]
     if wrong:
         raise ValueError(f"studies follow wavelets: expected a transport in haar columns, got {wrong[0].columns}")
-    pairs = [(light, found) for found in (transports or [None]) for light in envs]
-    cases = [
-        Case(light, motion or Motion(), found.columns if found else columns or Haar(64), found)  # type: ignore[arg-type]
-        for light, found in pairs
-    ]
+    motion = motion or Motion()
+    cases = [Case(light, motion, found.columns, found) for found in transports for light in envs]
+    cases = cases or [Case(light, motion, columns or Haar(64)) for light in envs]
     chapters = [(slug(case.name, k), case) for k, case in enumerate(cases)]
     check_folder(folder, _names(STUDIES[name], chapters))
     return chapters

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..columns import Haar
 from ..methods import Incremental, Nonlinear, PerBand
 from ..motion import Motion
 from ..plotting import FAMILIES, mark_stop, percent
 from ..progress import Progress
 from ..replay import Row
 from ..verdicts import Verdict
-from .case import Case, follow, light_errors, lights
+from .case import Case, Light, follow, light_errors, lights
 from .sheet import Sheet
 from .study import Study
 
@@ -45,10 +48,12 @@ def run(case: Case, sheet: Sheet, progress: Progress) -> None:
     """The curves at the speed asked for; the means at the papers' speeds and around."""
     asked = abs(case.motion.rotate)
     speeds = sorted({*_SPEEDS, asked})
-    found: dict[float, Errors] = {}
+    found: dict[float, Errors] = {degrees: {} for degrees in speeds}
     for k, degrees in enumerate(speeds):
-        motion = case.motion if degrees == asked else replace(case.motion, rotate=degrees)
-        found[degrees] = _errors(case, motion, lambda done, k=k: progress(k * len(_ROWS) + done, len(speeds) * len(_ROWS)))  # type: ignore[misc]
+        frames = lights(case.env, replace(case.motion, rotate=degrees), case.columns)
+        for j, row in enumerate(_ROWS):
+            progress(k * len(_ROWS) + j, len(speeds) * len(_ROWS))
+            found[degrees][row.name] = _errors(case.columns, row, frames)
     progress(1, 1)
 
     _draw(case, sheet, found[asked])
@@ -64,54 +69,43 @@ def run(case: Case, sheet: Sheet, progress: Progress) -> None:
     sheet.claims(_claims(case.motion, found, asked))
 
 
-def _errors(case: Case, motion: Motion, tell: object) -> Errors:
-    frames = lights(case.env, motion, case.columns)
-    errors: Errors = {}
-    for k, row in enumerate(_ROWS):
-        tell(k)  # type: ignore[operator]
-        moments = zip(follow(case.columns, row, frames), frames, strict=True)
-        errors[row.name] = np.array([light_errors(case.columns, moment.values, light) for moment, light in moments])
-    return errors
+def _errors(columns: Haar, row: Row, frames: Sequence[Light]) -> NDArray[np.float64]:
+    moments = zip(follow(columns, row, frames), frames, strict=True)
+    return np.array([light_errors(columns, moment.values, light) for moment, light in moments])
 
 
 def _draw(case: Case, sheet: Sheet, errors: Errors) -> None:
     styles = {"NWA-30": ":", "NWA-60": (0, (1, 2, 4, 2)), "NWA-100": "--", "NWA-300": "-.", "NWA-500": "-"}
     caption = (
-        "Error of the light against frame. Area-weighted L1, as in the papers' Fig. 6.2; the inset shows the band tests "
-        "of PBI-30, and the static threshold that the papers reject."
+        "Error of the light against frame. Area-weighted L1, as in the papers' Fig. 6.2; below, the band tests "
+        "of PBI-30 (the papers' inset), and the static threshold that they reject."
     )
-    with sheet.plot("lighting-error.png", caption, 1, 1, (9.2, 5.4)) as (figure, axes):
+    options = {"sharex": True, "height_ratios": (2.1, 1)}
+    with sheet.plot("lighting-error.png", caption, 2, 1, (9.2, 7.0), **options) as (figure, (axes, tests)):
         for row in (*_NWA, _BI, _PBI):
             width = 2.4 if row is _PBI else 1.5
             style = styles.get(row.name, "-")
             _line(axes, errors[row.name], row.name, color=FAMILIES[row.family], linestyle=style, linewidth=width)
-        axes.set(yscale="log", xlabel="Frame", ylabel="Light: area-weighted L1 error (%)")
-        axes.set_xlim(0, len(case.motion.angles) - 1)
-        percent(axes.yaxis)
-        mark_stop(axes, case.motion)
-        low, high = axes.get_ylim()
-        axes.set_ylim(low / (high / low) ** 0.75, high)
-
-        inset = axes.inset_axes((0.06, 0.06, 0.52, 0.33))
         colours = ("#0072B2", "#56B4E9", "#009E73", "#E69F00", "#999999")
         for row, colour in zip((*_TESTS, _FIXED), colours, strict=True):
-            _line(inset, errors[row.name], row.name, color=colour, linewidth=1.2)
-        inset.set(yscale="log", xlim=axes.get_xlim())
-        percent(inset.yaxis)
-        inset.tick_params(labelsize=7)
-        inset.legend(fontsize=7, loc="upper left", bbox_to_anchor=(1.0, 1.05))
+            _line(tests, errors[row.name], row.name, color=colour, linewidth=1.4)
+        for panel, title in ((axes, "area-weighted L1 error (%)"), (tests, "band tests (%)")):
+            panel.set(yscale="log", ylabel=f"Light: {title}")
+            percent(panel.yaxis)
+            panel.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
+            panel.axvline(case.motion.stop, color="#888888", linewidth=1)
+        mark_stop(axes, case.motion)
+        tests.set(xlabel="Frame", xlim=(0, len(case.motion.angles) - 1))
         figure.suptitle(f"Light under {case.env.name}: {case.motion}", fontsize=11)
-        handles, labels = axes.get_legend_handles_labels()
-        figure.legend(handles, labels, loc="outside right center")
 
 
-def _line(axes: object, errors: NDArray[np.float64], label: str, **style: object) -> None:
+def _line(axes: Any, errors: NDArray[np.float64], label: str, **style: Any) -> None:
     shown = 100 * errors[:, 0]
     shown[shown <= 0] = np.nan
-    axes.plot(shown, label=label, **style)  # type: ignore[attr-defined]
+    axes.plot(shown, label=label, **style)
 
 
-def _table(case: Case, found: dict[float, Errors]) -> list[dict[str, object]]:
+def _table(case: Case, found: dict[float, Errors]) -> list[dict[str, Any]]:
     return [
         {"degrees": degrees, "method": name, "frame": k, "light_l1": f"{l1:.6g}", "light_l2": f"{l2:.6g}"}
         for degrees, errors in found.items()
@@ -148,8 +142,8 @@ def _never_below_nwa_60(errors: Errors, turning: slice) -> Verdict:
         f"in {100 * better:.0f} % of the turning frames",
         ""
         if holds
-        else "Where few bright lights hold most of the energy, or the light turns fast, what was sent some frames ago is "
-        "already misplaced, and a fresh start with twice the terms is nearer.",
+        else "Where few bright lights hold most of the energy, or the light turns fast, what was sent some frames ago "
+        "is already misplaced, and a fresh start with twice the terms is nearer.",
     )
 
 
@@ -222,8 +216,8 @@ def _fixed_never_arrives(errors: Errors) -> Verdict:
 
 STUDY = Study(
     title="Error of the light over time",
-    intro="A light turns, eased in and out, and stops. Each method follows it with its budget of terms a frame; no scene "
-    "is needed. Errors are relative to the light asked for, on orthonormal Haar coefficients.",
+    intro="A light turns, eased in and out, and stops. Each method follows it with its budget of terms a frame; no "
+    "scene is needed. Errors are relative to the light asked for, on orthonormal Haar coefficients.",
     run=run,
     light_files=("lighting-error.png", "lighting-error.csv"),
 )

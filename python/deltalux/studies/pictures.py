@@ -1,0 +1,25 @@
+"""Cubemaps as pictures: unfolded to a cross, and parts of them enlarged."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["CROSS", "cross"]
+
+CROSS = {"+Y": (0, 1, 2), "-X": (1, 0, 1), "-Z": (1, 1, 5), "+X": (1, 2, 0), "+Z": (1, 3, 4), "-Y": (2, 1, 3)}
+"""Where each face stands in the cross, which looks along -Z in its middle: row, column, and number of the face."""
+
+
+def cross(cubemap: NDArray[Any], outside: float) -> NDArray[Any]:
+    """Six faces (6, n, n, c) unfolded, with +X to the right and up above: (3 n, 4 n, c)."""
+    n = cubemap.shape[1]
+    unfolded = np.full((3 * n, 4 * n, cubemap.shape[3]), outside, cubemap.dtype)
+    for name, (row, column, face) in CROSS.items():
+        faces = cubemap[face]
+        # OpenGL's faces are seen from outside: from inside they are mirrored.
+        turned = faces[::-1] if name in ("+Y", "-Y") else faces[:, ::-1]
+        unfolded[row * n : (row + 1) * n, column * n : (column + 1) * n] = turned
+    return unfolded

@@ -1,0 +1,142 @@
+"""When PBI starts a band anew, over the angle of a rotating light (Overbeck 2006, Fig. 6.4; EGSR Fig. 9)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..columns import Haar
+from ..methods import PerBand
+from ..motion import Motion
+from ..plotting import FAMILIES
+from ..progress import Progress
+from ..replay import Row
+from ..verdicts import Verdict
+from .case import Case, Light, Moment, band_names, follow, lights
+from .sheet import Sheet
+from .study import Study
+
+__all__ = ["STUDY"]
+
+_PBI = Row("PBI-30", "PBI", PerBand(30))
+_SPEEDS = (30.0, 45.0, 90.0, 180.0)
+
+Raster = NDArray[np.bool_]
+"""(frames, bands): the band starts anew."""
+
+
+def run(case: Case, sheet: Sheet, progress: Progress) -> None:
+    """The raster at the speed asked for, and the counts at the papers' speeds and around."""
+    asked = abs(case.motion.rotate)
+    speeds = sorted({*_SPEEDS, asked})
+    printed, held = {}, {}
+    for k, degrees in enumerate(speeds):
+        progress(k, len(speeds))
+        motion = replace(case.motion, rotate=degrees)
+        printed[degrees], held[degrees] = _rasters(case, motion)
+    progress(1, 1)
+
+    _draw(case, sheet, printed[asked], held[asked])
+    names = band_names(case.columns)
+    for title, rasters in (("As the papers count", printed), ("Of bands that held something", held)):
+        sheet.heading(f"Resets per band: {title.lower()}")
+        lines = [(f"{degrees:g} degrees", *map(str, rasters[degrees].sum(axis=0))) for degrees in speeds]
+        sheet.table(("Rotation", *(f"{name} texels" for name in names)), lines)
+    sheet.csv("resets.csv", _table(case, printed, held))
+    sheet.claims(_claims(printed, asked))
+
+
+def _rasters(case: Case, motion: Motion) -> tuple[Raster, Raster]:
+    """Resets by Fig. 6.1's test, which also resets a band that holds nothing; and those that took something away."""
+    frames = lights(case.env, motion, case.columns)
+    count = int(case.columns.bands[-1]) + 1
+    printed, held = np.zeros((2, len(frames), count), bool)
+    for k, (moment, light) in enumerate(zip(follow(case.columns, _PBI, frames), frames, strict=True)):
+        printed[k] = _anew(case.columns, moment, light)
+        held[k, list(moment.update.resets)] = True
+    return printed, held
+
+
+def _anew(columns: Haar, moment: Moment, light: Light) -> Raster:
+    """Not |L - L~| < |L|, band by band, unless nothing has changed."""
+    starts = np.searchsorted(columns.bands, np.arange(int(columns.bands[-1]) + 1))
+    change, whole = (np.add.reduceat(np.abs(of).sum(axis=1), starts) for of in (light - moment.before, light))
+    return np.asarray((change > 0) & (change >= whole))
+
+
+def _draw(case: Case, sheet: Sheet, printed: Raster, held: Raster) -> None:
+    names, motion = band_names(case.columns), case.motion
+    caption = (
+        "Frames in which PBI-30 starts a band anew. Pale lines are resets of bands that held nothing, which cost and "
+        "change nothing; below, the angle of the light."
+    )
+    options = {"sharex": True, "height_ratios": (2.4, 1)}
+    with sheet.plot("resets.png", caption, 2, 1, (8.8, 5.2), **options) as (figure, (raster, profile)):
+        for band in range(len(names)):
+            raster.axhline(band, color="#bbbbbb", linewidth=1)
+            for which, colour in ((printed, "#9fc5e8"), (held, FAMILIES["PBI"])):
+                frames = np.flatnonzero(which[:, band])
+                raster.vlines(frames, band - 0.36, band + 0.36, color=colour, linewidth=1.8)
+            total = f"{printed[:, band].sum()} resets\n{held[:, band].sum()} of held light"
+            raster.text(1.01, band, total, transform=raster.get_yaxis_transform(), va="center", fontsize=8)
+        raster.set_yticks(range(len(names)), names)
+        raster.set_ylim(len(names) - 0.4, -0.6)
+        raster.set_ylabel("Band: texels under\na wavelet")
+        raster.grid(False)
+        profile.plot(motion.angles, color="#000000", linewidth=1.6)
+        profile.set(xlabel="Frame", ylabel="Angle (degrees)", xlim=(0, len(motion.angles) - 1))
+        for axes in (raster, profile):
+            axes.axvline(motion.stop, color="#888888", linewidth=1)
+        figure.suptitle(f"Bands that PBI-30 starts anew under {case.env.name}", fontsize=11)
+
+
+def _table(case: Case, printed: dict[float, Raster], held: dict[float, Raster]) -> list[dict[str, Any]]:
+    names = band_names(case.columns)
+    return [
+        {"degrees": degrees, "frame": k, "band": name, "reset": int(raster[k, b]), "held": int(held[degrees][k, b])}
+        for degrees, raster in printed.items()
+        for k in range(len(raster))
+        for b, name in enumerate(names)
+    ]
+
+
+def _claims(printed: dict[float, Raster], asked: float) -> list[Verdict]:
+    counts = {degrees: raster.sum(axis=0) for degrees, raster in printed.items()}
+    own = counts[asked]
+    totals = [int(count.sum()) for count in counts.values()]
+    said = "; ".join(f"{degrees:g} degrees: {' '.join(map(str, count))}" for degrees, count in counts.items())
+    return [
+        Verdict(
+            "The two coarsest bands are always updated incrementally (D9).",
+            not own[:2].any(),
+            f"resets of the two coarsest: {own[0]} and {own[1]}",
+            "What they hold moves little from frame to frame, measured in their own texels.",
+        ),
+        Verdict(
+            "Finer bands start anew more often than coarse ones (D9).",
+            bool(np.all(np.diff(own) >= 0)),
+            f"coarse to fine: {' '.join(map(str, own))}",
+            "A shift by a texel leaves a coarse wavelet nearly as it was and replaces a fine one."
+            if np.all(np.diff(own) >= 0)
+            else "In a fine band little is ever applied: where the test finds the light nearer to it than to zero, by "
+            "however little, there is no reset.",
+        ),
+        Verdict(
+            "The faster the light turns, the more resets there are (D9).",
+            bool(np.all(np.diff(totals) >= 0)),
+            said,
+            "Fast light has left what was applied before it is used again.",
+        ),
+    ]
+
+
+STUDY = Study(
+    title="Resets of each band over the rotation",
+    intro="PBI decides in every frame, for every band of wavelets, whether to change what it has applied or to start "
+    "from nothing. The simple test starts anew where the light is nearer to zero than to the copy.",
+    run=run,
+    light_files=("resets.png", "resets.csv"),
+)
