@@ -16,7 +16,7 @@ from ..motion import Motion
 from ..output import check_folder, claim, slug
 from ..progress import Progress, reporter
 from ..transport import Transport
-from . import coverage, energy, equal_quality, lighting_error, reset_raster
+from . import coverage, energy, equal_quality, harmonics, lighting_error, reset_raster
 from .case import Case
 from .sheet import PAGE, Sheet
 from .study import Study
@@ -29,6 +29,7 @@ STUDIES: dict[str, Study] = {
     "energy": energy.STUDY,
     "resets": reset_raster.STUDY,
     "equal-quality": equal_quality.STUDY,
+    "harmonics": harmonics.STUDY,
 }
 """By name, in the order of the papers."""
 
