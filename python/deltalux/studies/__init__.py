@@ -16,7 +16,7 @@ from ..motion import Motion
 from ..output import check_folder, claim, slug
 from ..progress import Progress, reporter
 from ..transport import Transport
-from . import coverage, energy, equal_quality, lighting_error, reset_raster
+from . import coverage, energy, equal_quality, evolution, lighting_error, reset_raster
 from .case import Case
 from .sheet import PAGE, Sheet
 from .study import Study
@@ -25,6 +25,7 @@ __all__ = ["STUDIES", "Case", "Study", "check_study", "study"]
 
 STUDIES: dict[str, Study] = {
     "lighting-error": lighting_error.STUDY,
+    "evolution": evolution.STUDY,
     "coverage": coverage.STUDY,
     "energy": energy.STUDY,
     "resets": reset_raster.STUDY,
