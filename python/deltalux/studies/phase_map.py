@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..environment import Environment
-from ..methods import Incremental, Nonlinear, PerBand
 from ..plotting import FAMILIES
 from ..progress import Progress
 from ..replay import Row
 from ..verdicts import Verdict
 from .case import Case, follow, light_errors
-from .plane import Point, best_within, candidates, measure
+from .plane import MAKERS, Point, best_within, candidates, measure
 from .sheet import Sheet
 from .study import Study
 
@@ -31,8 +30,6 @@ _TIMES = 12
 """Budgets in milliseconds, from the fastest frame of all to the exact product's."""
 _NEAR = 1.02
 """Errors this near to the least are as good."""
-
-_MAKERS = {"NWA": Nonlinear, "BI": Incremental, "PBI": PerBand}
 
 
 @dataclass(frozen=True)
@@ -56,7 +53,7 @@ def run(case: Case, sheet: Sheet, progress: Progress) -> None:
     for k, speed in enumerate(_SPEEDS):
         progress(k, total)
         errors.append(_light(case, speed))
-    cells = [[_winner({f: each[f, terms] for f in _MAKERS}) for each in errors] for terms in _TERMS]
+    cells = [[_winner({f: each[f, terms] for f in MAKERS}) for each in errors] for terms in _TERMS]
     caption = (
         "Light: which method is nearest. Area-weighted L1 error in percent, and how many times less than NWA's; the "
         "light turns at an even pace, and every method has had time to settle."
@@ -83,7 +80,7 @@ def _light(case: Case, speed: float) -> dict[tuple[str, int], float]:
     """The mean settled error of each method and budget."""
     frames = [case.columns.coefficients(env) for env in _turning(case, speed)]
     found = {}
-    for family, make in _MAKERS.items():
+    for family, make in MAKERS.items():
         for terms in _TERMS:
             row = Row(family, family, make(terms), initial=None if family == "NWA" else "full")
             moments = zip(follow(case.columns, row, frames), frames, strict=True)

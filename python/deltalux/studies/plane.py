@@ -1,23 +1,23 @@
-"""Error and run time of every method, weight and budget on one moving light: what maps and comparisons are drawn from."""
+"""Error and run time of every method, weight and budget on one moving light: what maps and comparisons rest on."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..environment import Environment
-from ..methods import Full, Incremental, Nonlinear, PerBand
+from ..methods import Full, Incremental, Method, Nonlinear, PerBand
 from ..progress import Progress
 from ..relight import Relighter
 from ..replay import Row, relative_errors
 from ..transport import Transport
 
-__all__ = ["WEIGHTS", "Candidate", "Point", "best_within", "candidates", "measure"]
+__all__ = ["MAKERS", "WEIGHTS", "Candidate", "Point", "best_within", "candidates", "measure"]
 
 WEIGHTS = ("area", "transport", "cost")
-_MAKERS = {"NWA": Nonlinear, "BI": Incremental, "PBI": PerBand}
+MAKERS: dict[str, Callable[..., Method]] = {"NWA": Nonlinear, "BI": Incremental, "PBI": PerBand}
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Candidate:
         if self.terms is None:
             return Row("exact", "exact", Full())
         initial = None if self.family == "NWA" else "full"
-        return Row(str(self), self.family, _MAKERS[self.family](self.terms, weight=self.weight), initial)
+        return Row(str(self), self.family, MAKERS[self.family](self.terms, weight=self.weight), initial)
 
     def __str__(self) -> str:
         return f"{self.family}-{self.terms} {self.weight}" if self.terms else self.family
@@ -42,7 +42,7 @@ class Candidate:
 
 def candidates(terms: Sequence[int]) -> list[Candidate]:
     """All pairs of a method and a weight at these budgets, after the exact product."""
-    grid = [Candidate(family, weight, n) for family in _MAKERS for weight in WEIGHTS for n in terms]
+    grid = [Candidate(family, weight, n) for family in MAKERS for weight in WEIGHTS for n in terms]
     return [Candidate("exact", "", None), *grid]
 
 
