@@ -23,6 +23,10 @@ _NAMES: dict[type, str] = {
 }
 
 
+# What looking a column up costs beside its bytes, in bytes that stream in the same time (measured: 700 to 3,000).
+_COLUMN_START = 1000.0
+
+
 class ColumnBands(Protocol):
     """All that choosing knows of columns; `Haar` and `SphericalHarmonics` are two."""
 
@@ -186,8 +190,7 @@ def _weights(
         return norms
     if costs is None:
         raise ValueError(f"weight={name!r} needs column_bytes, the bytes of the columns of M")
-    # A column without bytes has norm zero: it is worth nothing, whatever it costs.
-    return norms / np.maximum(costs, 1.0)
+    return norms / np.sqrt(costs + _COLUMN_START)
 
 
 def _per_column(name: str, numbers: ArrayLike | None, columns: int) -> NDArray[np.float64] | None:

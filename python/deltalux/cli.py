@@ -15,22 +15,27 @@ from typing import Any, NoReturn
 
 from . import _core
 from .camera import Camera
+from .columns import Haar, parse
 from .demo import COLUMNS, FOLDER, SIZE, demo
 from .environment import Environment
-from .frames import FORMATS, check_frames, relight_frames
+from .frames import FORMATS, Film, check_frames, relight_frames
 from .methods import WEIGHTS, Full, Incremental, Method, Nonlinear, PerBand
 from .motion import Motion
+from .output import check_folder
 from .plan import QUALITIES
 from .precompute import plan, precompute
 from .report import check_report, report
 from .scene import Scene
 from .scenes import SCENES
+from .sequences import SEQUENCES, make
 from .skies import BUILTIN
+from .studies import STUDIES, check_study, study
 from .transport import Transport
 
 __all__ = ["main"]
 
 _RESUME = "stopped; the same command resumes where it left off"
+_STUDY_LIGHT = "hall"
 _METHODS: dict[str, Callable[..., Method]] = {"nwa": Nonlinear, "bi": Incremental, "pbi": PerBand}
 
 
@@ -108,7 +113,7 @@ def _parser() -> argparse.ArgumentParser:
     command.add_argument("-o", "--output", metavar="FILE", help="directory to make, by custom NAME.transport")
     command.add_argument("--size", type=_size, metavar="WxH", help="pixels; default: the scene's own camera")
     command.add_argument(
-        "--columns", default="haar:64", metavar="haar:N", help="basis of the light; default: %(default)s"
+        "--columns", default="haar:64", metavar="haar:N|sh:N", help="basis of the light; default: %(default)s"
     )
     command.add_argument("--camera", type=_camera, metavar="PX,PY,PZ:TX,TY,TZ[:FOV]", help="position, target, degrees")
     command.add_argument("--quality", choices=QUALITIES, default="publication", help="default: %(default)s")
@@ -118,20 +123,40 @@ def _parser() -> argparse.ArgumentParser:
     command = _command(commands, "info", _info, "what a transport holds")
     command.add_argument("transport", metavar="TRANSPORT")
 
-    command = _command(commands, "relight", _relight, "frames of a transport under a turning light")
-    _add_light(command, rotate=180.0, hold=0)
+    command = _command(commands, "relight", _relight, "frames of a transport under a moving light")
+    command.add_argument("transport", metavar="TRANSPORT")
+    _add_light(command)
+    command.add_argument("--sequence", choices=SEQUENCES, default="rotation", help="default: %(default)s")
+    command.add_argument("--other", metavar="ENV", help="what --sequence interpolation ends with; default: hall")
+    _add_motion(command, rotate=180.0, hold=0)
     command.add_argument("--method", choices=("full", *_METHODS), default="pbi", help="default: %(default)s")
-    command.add_argument("--terms", type=int, help="columns a frame; default: 30")
+    budget = command.add_mutually_exclusive_group()
+    budget.add_argument("--terms", type=int, help="columns a frame; default: 30")
+    budget.add_argument("--milliseconds", type=float, metavar="MS", help="time a frame, instead of --terms")
+    budget.add_argument("--error", type=float, metavar="RADIANCE", help="bound on the error, instead of --terms")
     command.add_argument(
         "--weight", choices=WEIGHTS, default="area", help="what a change is worth; default: %(default)s"
     )
-    command.add_argument("--exposure", type=float, metavar="STOPS", help="of the PNGs; default: chosen from frame 0")
+    command.add_argument("--exposure", type=float, metavar="STOPS", help="of the PNGs; default: chosen by the light")
     command.add_argument("--format", choices=FORMATS, default="png", help="default: %(default)s")
     command.add_argument("-o", "--output", required=True, metavar="FOLDER")
 
     command = _command(commands, "report", _report, "all methods against the exact product: error, run time, bytes")
-    _add_light(command, rotate=45.0, hold=25, several=True)
+    command.add_argument("transport", metavar="TRANSPORT")
+    _add_light(command, several=True)
+    _add_motion(command, rotate=45.0, hold=25)
     command.add_argument("-o", "--output", required=True, metavar="FOLDER")
+
+    command = _command(commands, "study", _study, "what the papers claim of moving light and of the methods, measured")
+    command.set_defaults(when_stopped="stopped; transports so far resume when the same command runs again")
+    command.add_argument("study", choices=STUDIES, metavar="NAME", help=", ".join(STUDIES))
+    _add_light(command, several=True, default=_STUDY_LIGHT)
+    scenes = f"{', '.join(SCENES)}, a file, or a transport; may be given again; default: none, the light alone"
+    command.add_argument("--scene", action="append", default=[], metavar="SCENE", help=scenes)
+    command.add_argument("--size", type=_size, default=(128, 128), metavar="WxH", help="of scenes; default: 128x128")
+    command.add_argument("--columns", default="haar:64", metavar="haar:N", help="default: %(default)s")
+    _add_motion(command, rotate=45.0, hold=25)
+    command.add_argument("-o", "--output", metavar="FOLDER", help="default: deltalux-study-NAME")
     return parser
 
 
@@ -142,21 +167,29 @@ def _command(commands: Any, name: str, run: Callable[[argparse.Namespace], None]
     return command
 
 
-def _add_light(command: argparse.ArgumentParser, rotate: float, hold: int, several: bool = False) -> None:
-    command.add_argument("transport", metavar="TRANSPORT")
-    names = f"{', '.join(BUILTIN)}, or a .hdr or .exr file" + (
-        "; may be given again for more chapters" if several else ""
-    )
-    command.add_argument("--env", required=True, action="append" if several else "store", metavar="ENV", help=names)
+def _add_light(command: argparse.ArgumentParser, several: bool = False, default: str | None = None) -> None:
+    names = f"{', '.join(BUILTIN)}, or a .hdr or .exr file"
+    names += "; may be given again for more chapters" if several else ""
+    names += f"; default: {default}" if default else ""
+    action = "append" if several else "store"
+    command.add_argument("--env", action=action, metavar="ENV", help=names, required=several and default is None)
     layouts = ("latlong", "vertical-cross", "horizontal-cross", "angular", "cube")
     command.add_argument("--layout", choices=layouts, help="of the file; default: recognised")
     command.add_argument("--repair", choices=("zero",), help="make NaN and infinite pixels black")
-    command.add_argument(
-        "--rotate", type=float, default=rotate, metavar="DEGREES", help="eased in and out; default: %(default)g"
-    )
-    command.add_argument("--axis", type=_axis, default="y", metavar="x|y|z|X,Y,Z", help="default: y, which is up")
+
+
+def _add_motion(command: argparse.ArgumentParser, rotate: float, hold: int) -> None:
+    eased = f"eased in and out; default: {rotate:g}"
+    command.add_argument("--rotate", type=float, metavar="DEGREES", help=eased)
+    command.add_argument("--axis", type=_axis, metavar="x|y|z|X,Y,Z", help="default: y, which is up")
     command.add_argument("--frames", type=int, default=100, help="default: %(default)s")
     command.add_argument("--hold", type=int, default=hold, help="frames of standing still; default: %(default)s")
+    command.set_defaults(turn=rotate)
+
+
+def _motion(chosen: argparse.Namespace) -> Motion:
+    rotate, axis = (chosen.turn if chosen.rotate is None else chosen.rotate), chosen.axis or "y"
+    return Motion(rotate, chosen.frames, chosen.hold, axis)
 
 
 def _size(text: str) -> tuple[int, int]:
@@ -251,31 +284,81 @@ def _info(chosen: argparse.Namespace) -> None:
 
 
 def _relight(chosen: argparse.Namespace) -> None:
-    method = _method(chosen)
-    motion = Motion(chosen.rotate, chosen.frames, chosen.hold, chosen.axis)
-    env, transport = _environment(chosen.env, chosen), Transport.open(chosen.transport)
-    check_frames(chosen.output, motion, chosen.format)
+    method, film = _method(chosen), _film(chosen)
+    transport = Transport.open(chosen.transport)
+    check_frames(chosen.output, film, chosen.format)
     chosen.when_stopped = f"stopped; the frames so far are in {chosen.output}"
-    said = relight_frames(transport, env, chosen.output, motion, method, exposure=chosen.exposure, kind=chosen.format)
-    _say(said)
+    _say(relight_frames(transport, film, chosen.output, method, exposure=chosen.exposure, kind=chosen.format))
+
+
+def _film(chosen: argparse.Namespace) -> Film:
+    """The frames of a sequence; what belongs to another sequence is refused."""
+    name = chosen.sequence
+    for option, home in (("rotate", "rotation"), ("axis", "rotation"), ("other", "interpolation")):
+        if getattr(chosen, option) is not None and name != home:
+            raise ValueError(f"expected --{option} with --sequence {home} only, got --sequence {name}")
+    if name == "sunrise":
+        if chosen.env is not None or chosen.hold:
+            raise ValueError("expected no --env and no --hold with --sequence sunrise, which makes a sky of its own")
+        sky = Environment.builtin("sky")
+        _, noon, _ = make(name, sky, 3)
+        return Film(make(name, sky, chosen.frames), chosen.frames, noon)
+    if chosen.env is None:
+        raise ValueError(f"expected --env ENV, the light, with --sequence {name}")
+    env = _environment(chosen.env, chosen)
+    if name == "rotation":
+        motion = _motion(chosen)
+        return Film((motion.light(env, k) for k in range(len(motion.angles))), len(motion.angles), env, motion.angles)
+    options = {"other": _environment(chosen.other, chosen)} if chosen.other is not None else {}
+    return Film(make(name, env, chosen.frames, hold=chosen.hold, **options), chosen.frames + chosen.hold, env)
 
 
 def _method(chosen: argparse.Namespace) -> Method:
+    budgets = {name: getattr(chosen, name) for name in ("terms", "milliseconds", "error")}
+    given = {name: value for name, value in budgets.items() if value is not None}
     if chosen.method == "full":
-        if chosen.terms is not None:
-            raise ValueError("expected no --terms with --method full, which sends all that differs")
+        if given:
+            raise ValueError(f"expected no --{next(iter(given))} with --method full, which sends all that differs")
         return Full()
-    return _METHODS[chosen.method](30 if chosen.terms is None else chosen.terms, weight=chosen.weight)
+    return _METHODS[chosen.method](**(given or {"terms": 30}), weight=chosen.weight)
 
 
 def _report(chosen: argparse.Namespace) -> None:
-    motion = Motion(chosen.rotate, chosen.frames, chosen.hold, chosen.axis)
+    motion = _motion(chosen)
     envs, transport = [_environment(name, chosen) for name in chosen.env], Transport.open(chosen.transport)
     check_report(envs, chosen.output, motion)
     page = report(
-        transport, envs, chosen.output, rotate=chosen.rotate, frames=chosen.frames, hold=chosen.hold, axis=chosen.axis
+        transport, envs, chosen.output, rotate=motion.rotate, frames=motion.frames, hold=motion.hold, axis=motion.axis
     )
     _say(f"{page.parent.absolute()} holds the report; open {page.absolute()} in a browser")
+
+
+def _study(chosen: argparse.Namespace) -> None:
+    """One study; scenes that are not transports yet are traced into its folder first."""
+    name, motion = chosen.study, _motion(chosen)
+    folder = Path(chosen.output or f"deltalux-study-{name}")
+    envs = [_environment(env, chosen) for env in chosen.env or [_STUDY_LIGHT]]
+    columns = parse(chosen.columns)
+    if not isinstance(columns, Haar):
+        raise ValueError(f"studies follow wavelets: expected --columns haar:N, got {columns}")
+    if STUDIES[name].needs_scene and not chosen.scene:
+        raise ValueError(f"the study {name} looks at pictures: expected --scene SCENE")
+    if not chosen.scene:
+        check_study(name, folder, envs, motion=motion, columns=columns)
+    check_folder(folder)
+    transports = [_study_transport(scene, chosen, folder) for scene in chosen.scene]
+    page = study(name, folder, envs, transports, motion=motion, columns=columns)
+    _say(f"{page.parent.absolute()} holds the study; open {page.absolute()} in a browser")
+
+
+def _study_transport(name: str, chosen: argparse.Namespace, folder: Path) -> Transport:
+    """A transport as it is; a scene traced with one ray a texel, truncated to one percent."""
+    if name not in SCENES and os.path.isdir(name):
+        return Transport.open(name)
+    chosen.scene, chosen.camera = name, None
+    path = folder / f"{Path(name).stem}.transport"
+    folder.mkdir(parents=True, exist_ok=True)
+    return precompute(_scene(chosen), path, columns=chosen.columns, quality="preview", tolerance=0.01)
 
 
 def _say(what: object) -> None:

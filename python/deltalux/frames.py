@@ -1,24 +1,41 @@
-"""Frames of a turning light in files, numbered, with a table of what each one took."""
+"""Frames of a moving light in files, numbered, with a table of what each one took."""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from .environment import Environment
 from .io import save_image, to_display
 from .methods import Method
-from .motion import Motion
 from .output import check_folder, claim, write_csv
 from .pictures import auto_exposure
 from .progress import Progress, reporter
 from .relight import Relighter
 from .transport import Transport
 
-__all__ = ["FORMATS", "Relit", "check_frames", "relight_frames"]
+__all__ = ["FORMATS", "Film", "Relit", "check_frames", "relight_frames"]
 
 FORMATS = {"png": (".png",), "exr": (".exr",), "both": (".png", ".exr")}
 _TABLE = "frames.csv"
+
+
+@dataclass(frozen=True)
+class Film:
+    """The light of every frame, and how many there are.
+
+    `key` is the light that exposure is chosen under, `angles` are degrees where the light rotates.
+    """
+
+    lights: Iterable[Environment]
+    frames: int
+    key: Environment
+    angles: Sequence[float] | None = None
+
+    def angle(self, frame: int) -> float | None:
+        """Degrees, or None if nothing rotates."""
+        return None if self.angles is None else float(self.angles[frame])
 
 
 @dataclass(frozen=True)
@@ -37,36 +54,35 @@ class Relit:
         )
 
 
-def _names(motion: Motion, kind: str) -> list[str]:
-    return [_TABLE, *(f"{_stem(k)}{suffix}" for k in range(len(motion.angles)) for suffix in FORMATS[kind])]
+def _names(frames: int, kind: str) -> list[str]:
+    return [_TABLE, *(f"{_stem(k)}{suffix}" for k in range(frames) for suffix in FORMATS[kind])]
 
 
 def _stem(frame: int) -> str:
     return f"frame-{frame:04d}"
 
 
-def check_frames(folder: str | os.PathLike[str], motion: Motion, kind: str) -> None:
+def check_frames(folder: str | os.PathLike[str], film: Film, kind: str) -> None:
     """What `relight_frames` would refuse about its folder; writes nothing."""
-    check_folder(folder, _names(motion, kind))
+    check_folder(folder, _names(film.frames, kind))
 
 
 def relight_frames(
     transport: Transport,
-    env: Environment,
+    film: Film,
     folder: str | os.PathLike[str],
-    motion: Motion,
     method: Method,
     *,
     exposure: float | None = None,
     kind: str = "png",
     progress: bool | Progress = True,
 ) -> Relit:
-    """Relights every frame of a motion and writes it.
+    """Relights every frame of a moving light and writes it.
 
     Parameters
     ----------
     exposure
-        Stops for the PNGs, the same in all; None: from the first frame.
+        Stops for the PNGs, the same in all; None: from the exact picture under the film's key light.
     kind
         A key of `FORMATS`: PNG for a display, EXR in linear radiance, or both.
 
@@ -76,21 +92,23 @@ def relight_frames(
         If an argument cannot be used or the folder not be written.
     """
     relighter = Relighter(transport, method)
-    path = claim(folder, _names(motion, kind))
+    path = claim(folder, _names(film.frames, kind))
+    if exposure is None:
+        exposure = auto_exposure(transport.image(transport.multiply(transport.coefficients(film.key))))
     tell, rows = reporter(progress, "relight"), []
-    for k, angle in enumerate(motion.angles):
-        frame = relighter.step(motion.light(env, k))
+    for k, env in enumerate(film.lights):
+        frame = relighter.step(env)
         picture = frame.image
-        if exposure is None:
-            exposure = auto_exposure(transport.image(frame.values))
-        about = {
+        about: dict[str, str | int | float] = {
             "software": "deltalux",
             "deltalux:environment": env.name,
             "deltalux:method": repr(method),
             "deltalux:frame": k,
-            "deltalux:angle_degrees": float(angle),
             "deltalux:bound": frame.bound,
         }
+        angle = film.angle(k)
+        if angle is not None:
+            about["deltalux:angle_degrees"] = angle
         for suffix in FORMATS[kind]:
             save_image(
                 path / f"{_stem(k)}{suffix}", to_display(picture, exposure) if suffix == ".png" else picture, about
@@ -98,7 +116,7 @@ def relight_frames(
         rows.append(
             {
                 "frame": k,
-                "angle": angle,
+                "angle": "" if angle is None else angle,
                 "seconds": f"{frame.seconds:.6g}",
                 "choosing": f"{frame.choosing:.6g}",
                 "multiplying": f"{frame.multiplying:.6g}",
@@ -110,6 +128,6 @@ def relight_frames(
         )
         # Row by row, so that an interrupted run leaves a table of the frames that are there.
         write_csv(path / _TABLE, rows)
-        tell(k + 1, len(motion.angles))
+        tell(k + 1, film.frames)
     median = sorted(float(str(row["seconds"])) for row in rows)[len(rows) // 2]
-    return Relit(str(folder), len(rows), exposure or 0.0, 1e3 * median)
+    return Relit(str(folder), len(rows), exposure, 1e3 * median)

@@ -89,8 +89,8 @@ class Nonlinear(_Budgeted):
         Terms are sent until the bound on the error of every receiver is at most this much radiance.
     weight
         What a change is worth: ``"area"`` times it (the area of the column's support in texels, the papers' choice),
-        ``"root-area"``, ``"none"``, ``"transport"`` (the norm of the column of M), or ``"cost"`` (that norm for every
-        byte of M that must be read).
+        ``"root-area"``, ``"none"``, ``"transport"`` (the norm of the column of M), or ``"cost"`` (that norm over
+        the root of the bytes of M that must be read: squared error removed per byte, by which a knapsack is filled).
     channels
         ``"joint"``: one list of columns for the three colours. ``"separate"``: each colour has its own.
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from PIL.Image import Image
     from PIL.ImageFont import FreeTypeFont
 
-__all__ = ["Gallery"]
+__all__ = ["Gallery", "auto_exposure", "magnification"]
 
 _LARGEST_CELL = 256
 _SMALLEST_CELL = 160
@@ -33,6 +33,12 @@ def auto_exposure(image: NDArray[np.float32]) -> float:
     lit = image.max(axis=-1)
     lit = lit[lit > 0]
     return float(np.log2(0.9 / np.percentile(lit, 97))) if lit.size else 0.0
+
+
+def magnification(difference: NDArray[np.float32], exposure: float) -> int:
+    """The power of two, up to 64, that makes a difference of two pictures plain to see."""
+    large = float(np.percentile(np.abs(difference).max(axis=-1), 99)) * 2.0**exposure
+    return int(2 ** np.clip(np.round(np.log2(0.5 / large)), 0, 6)) if large > 0 else 64
 
 
 class Gallery:
@@ -91,7 +97,7 @@ class Gallery:
         first = _cell(self._full[reference, self._motion.stop])
         height, width = first.shape[:2]
         left, top = 118, 44
-        times = self._magnification(others[-1])
+        times = self._times(others[-1])
         size = (left + len(self._moments) * (width + _GAP), top + len(rows) * (height + _GAP))
         strip = Image.new("RGB", size, "white")
         draw, font, small = ImageDraw.Draw(strip), _font(15), _font(12)
@@ -115,11 +121,10 @@ class Gallery:
             )
         strip.save(path, optimize=True)
 
-    def _magnification(self, method: str) -> int:
-        """The power of two, up to 64, that makes a method's differences at the highest speed plain to see."""
+    def _times(self, method: str) -> int:
+        """How much a method's differences at the highest speed are made brighter."""
         exact, found = (self._full[name, self._motion.moments[1][0]] for name in (self.methods[0], method))
-        large = float(np.percentile(np.abs(found - exact).max(axis=-1), 99)) * 2.0 ** (self.exposure or 0.0)
-        return int(2 ** np.clip(np.round(np.log2(0.5 / large)), 0, 6)) if large > 0 else 64
+        return magnification(found - exact, self.exposure or 0.0)
 
     def save_animation(self, path: Path) -> None:
         """The methods side by side as an animated WebP, at the best quality that stays below 5 MB."""

@@ -10,6 +10,8 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
+from numpy.typing import ArrayLike
+
 from .environment import Environment
 from .machine import require_release
 from .methods import Full, Incremental, Nonlinear, PerBand
@@ -91,7 +93,7 @@ def report(
     rotate: float = 45.0,
     frames: int = 100,
     hold: int = 25,
-    axis: str = "y",
+    axis: str | ArrayLike = "y",
     progress: bool | Progress = True,
 ) -> Path:
     """Replays a rotating light with every method of `METHODS` and writes what was measured.

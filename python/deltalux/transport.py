@@ -101,9 +101,7 @@ class Transport:
         single = array.ndim == 2
         batch = array[None] if single else array
         if batch.ndim != 3 or batch.shape[1:] != (self.shape[1], 3):
-            raise ValueError(
-                f"expected V of shape ({self.shape[1]}, 3) or (k, {self.shape[1]}, 3), got {np.shape(V)}"
-            )
+            raise ValueError(f"expected V of shape ({self.shape[1]}, 3) or (k, {self.shape[1]}, 3), got {np.shape(V)}")
         product = self._core.multiply(batch)
         return product[0] if single else product
 

@@ -16,7 +16,18 @@ from ..motion import Motion
 from ..output import check_folder, claim, slug
 from ..progress import Progress, reporter
 from ..transport import Transport
-from . import coverage, energy, equal_quality, harmonics, lighting_error, reset_raster
+from . import (
+    blocker,
+    coverage,
+    energy,
+    equal_quality,
+    equal_time,
+    evolution,
+    harmonics,
+    lighting_error,
+    phase_map,
+    reset_raster,
+)
 from .case import Case
 from .sheet import PAGE, Sheet
 from .study import Study
@@ -25,11 +36,15 @@ __all__ = ["STUDIES", "Case", "Study", "check_study", "study"]
 
 STUDIES: dict[str, Study] = {
     "lighting-error": lighting_error.STUDY,
+    "evolution": evolution.STUDY,
     "coverage": coverage.STUDY,
     "energy": energy.STUDY,
     "resets": reset_raster.STUDY,
     "equal-quality": equal_quality.STUDY,
+    "phase-map": phase_map.STUDY,
+    "equal-time": equal_time.STUDY,
     "harmonics": harmonics.STUDY,
+    "blocker": blocker.STUDY,
 }
 """By name, in the order of the papers."""
 
@@ -58,15 +73,18 @@ def check_study(
         raise ValueError("expected at least one environment")
     if STUDIES[name].needs_scene and not transports:
         raise ValueError(f"the study {name!r} looks at pictures: expected a scene")
-    wrong = [found for found in transports if not isinstance(found.columns, Haar)]
-    if wrong:
-        raise ValueError(f"studies follow wavelets: expected a transport in haar columns, got {wrong[0].columns}")
     motion = motion or Motion()
-    cases = [Case(light, motion, found.columns, found) for found in transports for light in envs]
+    cases = [Case(light, motion, _haar(found), found) for found in transports for light in envs]
     cases = cases or [Case(light, motion, columns or Haar(64)) for light in envs]
     chapters = [(slug(case.name, k), case) for k, case in enumerate(cases)]
     check_folder(folder, _names(STUDIES[name], chapters))
     return chapters
+
+
+def _haar(transport: Transport) -> Haar:
+    if isinstance(transport.columns, Haar):
+        return transport.columns
+    raise ValueError(f"studies follow wavelets: expected a transport in haar columns, got {transport.columns}")
 
 
 def _names(chosen: Study, chapters: Sequence[tuple[str, Case]]) -> list[str]:

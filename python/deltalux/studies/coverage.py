@@ -113,9 +113,7 @@ def _maps(case: Case, sheet: Sheet, sent: dict[str, Sent], moments: list[tuple[i
         figure.colorbar(image, ax=axes, label="levels", shrink=0.6)
 
 
-def _bars(
-    case: Case, sheet: Sheet, histograms: dict[str, NDArray[np.int64]], moments: list[tuple[int, str]]
-) -> None:
+def _bars(case: Case, sheet: Sheet, histograms: dict[str, NDArray[np.int64]], moments: list[tuple[int, str]]) -> None:
     names = band_names(case.columns)
     caption = (
         f"Terms sent per band: full bars are means over {_WINDOW} frames that end at the one named, outlines the frame "

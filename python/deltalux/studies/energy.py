@@ -88,7 +88,8 @@ def run(case: Case, sheet: Sheet, progress: Progress) -> None:
         for row, shares in enumerate(found.shares):
             for column, share in enumerate(shares):
                 colour = "black" if share > 0.6 else "white"
-                axes.text(column, row - 0.22, f"{100 * share:.1f} %", ha="center", va="center", color=colour, fontsize=9)
+                style = {"ha": "center", "va": "center", "color": colour, "fontsize": 9}
+                axes.text(column, row - 0.22, f"{100 * share:.1f} %", **style)
         axes.plot(len(times) - found.frames, range(len(names)), "o-", color="#D55E00", markersize=5)
         axes.set_xticks(range(len(times)), times)
         axes.set_yticks(range(len(names)), names)

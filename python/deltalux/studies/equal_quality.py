@@ -45,7 +45,7 @@ class Curve:
 
 
 def terms_for(terms: NDArray[np.float64], errors: NDArray[np.float64], error: float) -> float:
-    """Where a falling curve reaches an error: between two of its points, straight in logarithms; inf if it never does."""
+    """Where a falling curve reaches an error, straight between points in logarithms; inf if it never does."""
     at = int(np.argmax(errors <= error))
     if errors[at] > error:
         return float("inf")
@@ -132,8 +132,8 @@ def _images(
 
 def _draw_worth(case: Case, sheet: Sheet, worth: dict[str, NDArray[np.float64]]) -> None:
     caption = (
-        "Terms that NWA would need, frame by frame. For the error that each method has of the light (area-weighted L1); "
-        "the first frames profit from an exact start."
+        "Terms that NWA would need, frame by frame. For the error that each method has of the light (area-weighted "
+        "L1); the first frames profit from an exact start."
     )
     with sheet.plot("worth.png", caption, 1, 1, (8.8, 4.2)) as (figure, axes):
         for name, terms in worth.items():
@@ -192,11 +192,12 @@ def _claim(found: dict[str, tuple[Curve, Curve]], text: str, when: int, method: 
     """Judged by the picture where there is one, as the papers do; within a tenth."""
     worth = {what: curves[when].worth(method) for what, curves in found.items()}
     judged = worth.get("image", worth["light"])
-    why = (
-        "Terms that are already there are not sent twice."
-        if judged >= 0.9 * claimed
-        else "This light changes in more terms a frame than the budget has: coherence saves less."
-    )
+    if judged >= 0.9 * claimed:
+        why = "What is already there is not sent twice."
+    elif when == 0:
+        why = "This light changes in more terms a frame than the budget has: coherence saves less."
+    else:
+        why = "When this light stops, more is still amiss than five frames can mend."
     said = ", ".join(f"by the {what} {_terms(terms)}" for what, terms in worth.items())
     return Verdict(text, judged >= 0.9 * claimed, said, why)
 

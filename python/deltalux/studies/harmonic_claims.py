@@ -72,7 +72,7 @@ def _as_order_10(found: Findings, frames: slice) -> Verdict:
     worth = terms_for(np.array(list(curve), float), 100 * np.array(list(curve.values())), pbi)
     order = f"linear order {np.sqrt(worth):.1f}" if np.isfinite(worth) else "no order up to 20"
     return Verdict(
-        f"While the light turns, PBI-SH with 25 terms is about linear order 10, within {100 * _ABOUT - 100:.0f} % (F3).",
+        f"While the light turns PBI-SH-25 is about as good as linear order 10, within {100 * _ABOUT - 100:.0f} % (F3).",
         pbi <= _ABOUT * tenth,
         f"mean error {pbi:.3g} %; order 5 {fifth:.3g} %, order 10 {tenth:.3g} %; it is worth {order}",
         "Low degrees turn slowly and are always up to date; the higher the degree, the longer it waits for its turn, "

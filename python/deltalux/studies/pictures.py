@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["CROSS", "cross"]
+__all__ = ["CROSS", "cross", "window"]
 
 CROSS = {"+Y": (0, 1, 2), "-X": (1, 0, 1), "-Z": (1, 1, 5), "+X": (1, 2, 0), "+Z": (1, 3, 4), "-Y": (2, 1, 3)}
 """Where each face stands in the cross, which looks along -Z in its middle: row, column, and number of the face."""
@@ -23,3 +23,11 @@ def cross(cubemap: NDArray[Any], outside: float) -> NDArray[Any]:
         turned = faces[::-1] if name in ("+Y", "-Y") else faces[:, ::-1]
         unfolded[row * n : (row + 1) * n, column * n : (column + 1) * n] = turned
     return unfolded
+
+
+def window(picture: NDArray[Any], peak: NDArray[Any], size: int) -> NDArray[Any]:
+    """The part (size, size, 3) of a picture around the largest value of another."""
+    height, width = picture.shape[:2]
+    row, column = np.unravel_index(int(np.argmax(peak.max(axis=2))), (height, width))
+    top, left = np.clip(row - size // 2, 0, height - size), np.clip(column - size // 2, 0, width - size)
+    return picture[top : top + size, left : left + size]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,9 +16,6 @@ from ..output import write_csv
 from ..page import Page, figure, table
 from ..plotting import drawing
 from ..verdicts import Verdict
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 __all__ = ["Sheet"]
 
@@ -60,7 +57,7 @@ class Sheet:
     @contextmanager
     def plot(
         self, kind: str, caption: str, rows: int, columns: int, size: tuple[float, float], **options: Any
-    ) -> Iterator[tuple[Figure, Any]]:
+    ) -> Iterator[tuple[Any, Any]]:
         """A figure and its axes, saved as PNG and shown with its caption."""
         path = self._path(kind)
         with drawing(path, rows, columns, size, **options) as drawn:
