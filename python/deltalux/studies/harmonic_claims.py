@@ -169,8 +169,9 @@ def _haar_converges_faster(found: Findings) -> Verdict:
     most = max(found.curves["SH"])
     gains, figures = {}, []
     for name in CURVES:
-        first, last = (100 * found.curves[name][terms] for terms in (25, most))
-        gains[name] = first / last if last > 0 else float("inf")
+        # Less than a hundredth of a percent is nothing, however little it is.
+        first, last = (max(100 * found.curves[name][terms], 0.01) for terms in (25, most))
+        gains[name] = first / last
         figures.append(f"{name} {first:.3g} % to {last:.3g} %, divided by {gains[name]:.3g}")
     harmonic, wavelet = (found.curves[name] for name in CURVES[:2])
     ahead = [terms for terms in harmonic if all(wavelet[n] <= harmonic[n] for n in harmonic if n >= terms)]

@@ -91,8 +91,9 @@ def moments_strip(sheet: Sheet, pictures: Pictures, tracks: Mapping[str, Track],
         "corner the relative L2 error and the flicker, the change of the error image since the frame before."
     )
     height, width = pictures["exact", fast].shape[:2]
-    size = (2.2 * 4 + 0.5, (2.2 * height / width + 0.06) * len(names) + 0.5)
-    with sheet.plot("moments.png", caption, len(names), 4, size) as (_, axes):
+    across = 2 * len(moments)
+    size = (2.2 * across + 0.5, (2.2 * height / width + 0.06) * len(names) + 0.5)
+    with sheet.plot("moments.png", caption, len(names), across, size) as (_, axes):
         for line, name in zip(axes, names, strict=True):
             for j, (frame, what) in enumerate(moments.items()):
                 error, flicker = tracks[name].errors[frame], tracks[name].flicker[frame]

@@ -82,10 +82,10 @@ def run(case: Case, sheet: Sheet, progress: Progress) -> None:
 
 _MEASURES = (
     "In percent of the norm of the exact picture. Edges: the error of differences between neighbouring pixels. "
-    "Flicker: what the error image changes by from frame to frame; a basis without sharp shadows lacks others in every frame, "
-    "and that is in it as well. Unrest: the second difference in time of the pictures shown; the exact ones have it as "
-    "well, and what exceeds theirs is jumping. M is truncated to {:.2g} % image error: both bases see the same M, and "
-    "errors far below that are of this M rather than of the scene."
+    "Flicker: what the error image changes by from frame to frame; a basis without sharp shadows lacks others in every "
+    "frame, and that is in it as well. Unrest: the second difference in time of the pictures shown; the exact ones "
+    "have it as well, and what exceeds theirs is jumping. M is truncated to {:.2g} % image error: both bases see the "
+    "same M, and errors far below that are of this M rather than of the scene."
 )
 
 
