@@ -40,7 +40,9 @@ class Coherence:
         y = time - self.frames.mean()
         weight = self.shares / len(self.shares)
         covariance = float(np.einsum("ij,i,j->", weight, x, y))
-        return covariance / float(np.sqrt((weight.sum(axis=1) @ x**2) * (weight.sum(axis=0) @ y**2)))
+        spread = float(np.sqrt((weight.sum(axis=1) @ x**2) * (weight.sum(axis=0) @ y**2)))
+        # Where all energy lies in one temporal band there is no diagonal.
+        return covariance / spread if spread > 1e-12 else 0.0
 
 
 def _octaves(bands: int) -> NDArray[np.float64]:

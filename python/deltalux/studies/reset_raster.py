@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -10,7 +11,6 @@ from numpy.typing import NDArray
 
 from ..columns import Haar
 from ..methods import PerBand
-from ..motion import Motion
 from ..plotting import FAMILIES
 from ..progress import Progress
 from ..replay import Row
@@ -19,7 +19,7 @@ from .case import Case, Light, Moment, band_names, follow, lights
 from .sheet import Sheet
 from .study import Study
 
-__all__ = ["STUDY"]
+__all__ = ["STUDY", "rasters"]
 
 _PBI = Row("PBI-30", "PBI", PerBand(30))
 _SPEEDS = (30.0, 45.0, 90.0, 180.0)
@@ -35,27 +35,26 @@ def run(case: Case, sheet: Sheet, progress: Progress) -> None:
     printed, held = {}, {}
     for k, degrees in enumerate(speeds):
         progress(k, len(speeds))
-        motion = replace(case.motion, rotate=degrees)
-        printed[degrees], held[degrees] = _rasters(case, motion)
+        frames = lights(case.env, replace(case.motion, rotate=degrees), case.columns)
+        printed[degrees], held[degrees] = rasters(case.columns, _PBI, frames)
     progress(1, 1)
 
     _draw(case, sheet, printed[asked], held[asked])
     names = band_names(case.columns)
-    for title, rasters in (("As the papers count", printed), ("Of bands that held something", held)):
+    for title, found in (("As the papers count", printed), ("Of bands that held something", held)):
         sheet.heading(f"Resets per band: {title.lower()}")
-        lines = [(f"{degrees:g} degrees", *map(str, rasters[degrees].sum(axis=0))) for degrees in speeds]
+        lines = [(f"{degrees:g} degrees", *map(str, found[degrees].sum(axis=0))) for degrees in speeds]
         sheet.table(("Rotation", *(f"{name} texels" for name in names)), lines)
     sheet.csv("resets.csv", _table(case, printed, held))
     sheet.claims(_claims(printed, asked))
 
 
-def _rasters(case: Case, motion: Motion) -> tuple[Raster, Raster]:
+def rasters(columns: Haar, row: Row, frames: Sequence[Light]) -> tuple[Raster, Raster]:
     """Resets by Fig. 6.1's test, which also resets a band that holds nothing; and those that took something away."""
-    frames = lights(case.env, motion, case.columns)
-    count = int(case.columns.bands[-1]) + 1
+    count = int(columns.bands[-1]) + 1
     printed, held = np.zeros((2, len(frames), count), bool)
-    for k, (moment, light) in enumerate(zip(follow(case.columns, _PBI, frames), frames, strict=True)):
-        printed[k] = _anew(case.columns, moment, light)
+    for k, (moment, light) in enumerate(zip(follow(columns, row, frames), frames, strict=True)):
+        printed[k] = _anew(columns, moment, light)
         held[k, list(moment.update.resets)] = True
     return printed, held
 
