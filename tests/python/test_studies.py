@@ -283,14 +283,6 @@ def test_the_histogram_of_what_is_sent(name):
     assert sent["none"][3:].sum() > 15
 
 
-def test_bi_is_exact_in_nine_frames_on_256_coefficients():
-    """T3: 30 of 256 a frame."""
-    columns = SimpleNamespace(bands=np.zeros(256, int), areas=np.ones(256))
-    light = np.random.default_rng(1).normal(size=(256, 3))
-    moments = list(follow(columns, Row("BI-30", "BI", Incremental(30)), [np.zeros_like(light), *[light] * 9]))
-    assert [np.array_equal(moment.values, light) for moment in moments] == [False] * 9 + [True]
-
-
 def test_an_exact_method_has_no_error():
     columns = dl.Haar(8)
     frames = lights(HALL, SHORT, columns)

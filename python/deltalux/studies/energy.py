@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..columns import Haar
 from ..progress import Progress
 from ..verdicts import Verdict
-from .case import Case, Light, band_names, lights
+from .case import Case, Light, lights
 from .sheet import Sheet
 from .study import Study
 
@@ -79,7 +79,7 @@ def run(case: Case, sheet: Sheet, progress: Progress) -> None:
     found = spatio_temporal(case.columns, frames)
     progress(2, 2)
 
-    names = band_names(case.columns)
+    names = case.columns.band_names
     times = [str(2**k) for k in range(found.shares.shape[1], 0, -1)]
     caption = (
         "Energy per band in space (down) and time (across). Shares of each spatial band's energy; a dot marks the mean "
@@ -95,7 +95,7 @@ def run(case: Case, sheet: Sheet, progress: Progress) -> None:
         axes.plot(len(times) - found.frames, range(len(names)), "o-", color="#D55E00", markersize=5)
         axes.set_xticks(range(len(times)), times)
         axes.set_yticks(range(len(names)), names)
-        axes.set(xlabel="Frames under a temporal wavelet (the mean with the longest)", ylabel="Texels under a wavelet")
+        axes.set(xlabel="Frames under a temporal wavelet (the mean with the longest)", ylabel=case.columns.band_label)
         axes.grid(False)
         figure.suptitle(f"{case.env.name}: {motion.rotate:g} degrees in {_FRAMES} frames", fontsize=11)
     sheet.heading("Norm of every pair of bands")

@@ -15,7 +15,7 @@ from ..plotting import FAMILIES
 from ..progress import Progress
 from ..replay import Row
 from ..verdicts import Verdict
-from .case import Case, Light, Moment, band_names, follow, lights
+from .case import Case, Light, Moment, follow, lights
 from .sheet import Sheet
 from .study import Study
 
@@ -40,7 +40,7 @@ def run(case: Case, sheet: Sheet, progress: Progress) -> None:
     progress(1, 1)
 
     _draw(case, sheet, printed[asked], held[asked])
-    names = band_names(case.columns)
+    names = case.columns.band_names
     for title, found in (("As the papers count", printed), ("Of bands that held something", held)):
         sheet.heading(f"Resets per band: {title.lower()}")
         lines = [(f"{degrees:g} degrees", *map(str, found[degrees].sum(axis=0))) for degrees in speeds]
@@ -67,7 +67,7 @@ def _anew(columns: Haar, moment: Moment, light: Light) -> Raster:
 
 
 def _draw(case: Case, sheet: Sheet, printed: Raster, held: Raster) -> None:
-    names, motion = band_names(case.columns), case.motion
+    names, motion = case.columns.band_names, case.motion
     caption = (
         "Frames in which PBI-30 starts a band anew. Pale lines are resets of bands that held nothing, which cost and "
         "change nothing; below, the angle of the light."
@@ -83,7 +83,7 @@ def _draw(case: Case, sheet: Sheet, printed: Raster, held: Raster) -> None:
             raster.text(1.01, band, total, transform=raster.get_yaxis_transform(), va="center", fontsize=8)
         raster.set_yticks(range(len(names)), names)
         raster.set_ylim(len(names) - 0.4, -0.6)
-        raster.set_ylabel("Band: texels under\na wavelet")
+        raster.set_ylabel(case.columns.band_label)
         raster.grid(False)
         profile.plot(motion.angles, color="#000000", linewidth=1.6)
         profile.set(xlabel="Frame", ylabel="Angle (degrees)", xlim=(0, len(motion.angles) - 1))
@@ -93,7 +93,7 @@ def _draw(case: Case, sheet: Sheet, printed: Raster, held: Raster) -> None:
 
 
 def _table(case: Case, printed: dict[float, Raster], held: dict[float, Raster]) -> list[dict[str, Any]]:
-    names = band_names(case.columns)
+    names = case.columns.band_names
     return [
         {"degrees": degrees, "frame": k, "band": name, "reset": int(raster[k, b]), "held": int(held[degrees][k, b])}
         for degrees, raster in printed.items()
