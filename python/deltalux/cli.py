@@ -274,11 +274,12 @@ def _info(chosen: argparse.Namespace) -> None:
     transport = Transport.open(chosen.transport)
     _say(transport)
     _say(transport.plan)
-    _say(f"  {'band':>4} {'columns':>8} {'texels':>7} {'MB':>9}")
-    bands, areas, size = transport.columns.bands, transport.columns.areas, transport.column_bytes
-    for band in range(int(bands[-1]) + 1):
-        own = bands == band
-        _say(f"  {band:>4} {own.sum():>8,} {areas[own].min():>7,.0f} {size[own].sum() / 1e6:>9,.2f}")
+    columns, size = transport.columns, transport.column_bytes
+    label = columns.band_label.lower()
+    _say(f"  {'band':>4} {'columns':>8} {label:>22} {'MB':>9}")
+    for band, name in enumerate(columns.band_names):
+        own = columns.bands == band
+        _say(f"  {band:>4} {own.sum():>8,} {name:>22} {size[own].sum() / 1e6:>9,.2f}")
     for name, length in transport._core.files:
         _say(f"  {name}: {length:,} bytes")
 

@@ -71,6 +71,16 @@ class Haar:
         """Texels under the support of every column: (columns,) float64, read-only."""
         return _read_only(_core.column_bands(str(self))[1])
 
+    @cached_property
+    def band_names(self) -> tuple[str, ...]:
+        """Each band by the texels under its wavelets, as the papers name them; coarse to fine."""
+        return tuple(f"{(self.size >> band) ** 2:,}" for band in range(int(self.bands[-1]) + 1))
+
+    @property
+    def band_label(self) -> str:
+        """What the names of bands are, as the label of an axis."""
+        return "Texels under a wavelet"
+
     def coefficients(self, env: Environment) -> NDArray[np.float64]:
         """V: what the environment's radiance is in these columns.
 
@@ -137,6 +147,16 @@ class SphericalHarmonics:
     def areas(self) -> NDArray[np.float64]:
         """1 for every column, since all cover the whole sphere: (columns,) float64, read-only."""
         return _read_only(np.ones(self.columns))
+
+    @cached_property
+    def band_names(self) -> tuple[str, ...]:
+        """Each band by its degree l."""
+        return tuple(str(degree) for degree in range(self.order))
+
+    @property
+    def band_label(self) -> str:
+        """What the names of bands are, as the label of an axis."""
+        return "Degree of a harmonic"
 
     def coefficients(self, env: Environment) -> NDArray[np.float64]:
         """V: the integral over the sphere of the environment's radiance times each function, (columns, 3) float64.

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .columns import Columns
 from .motion import Motion
 from .plotting import FAMILIES, MARKERS, across, drawing, mark_stop, percent
 from .replay import Replay, Row
@@ -93,9 +94,10 @@ def time_figure(path: Path, result: Replay, motion: Motion, rows: Sequence[Row],
         figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
 
 
-def resets_figure(path: Path, result: Replay, motion: Motion, areas: Sequence[float], method: str) -> None:
+def resets_figure(path: Path, result: Replay, motion: Motion, columns: Columns, method: str) -> None:
     """Resets of every band over the rotation (the papers' Fig. 6.4)."""
-    bands = len(areas)
+    names = columns.band_names
+    bands = len(names)
     options = {"sharex": True, "height_ratios": (2.2, 1)}
     with drawing(path, 2, 1, (8.6, 4.8), **options) as (figure, (raster, profile)):
         for band in range(bands):
@@ -105,9 +107,9 @@ def resets_figure(path: Path, result: Replay, motion: Motion, areas: Sequence[fl
             raster.text(
                 1.01, band, f"{len(frames)} resets", transform=raster.get_yaxis_transform(), va="center", fontsize=9
             )
-        raster.set_yticks(range(bands), [f"{area:,.0f}" for area in areas])
+        raster.set_yticks(range(bands), names)
         raster.set_ylim(bands - 0.4, -0.6)
-        raster.set_ylabel("Band: texels under\na wavelet")
+        raster.set_ylabel(columns.band_label)
         raster.grid(False)
         profile.plot(motion.angles, color="#000000", linewidth=1.6)
         profile.set(xlabel="Frame", ylabel="Angle (degrees)", xlim=(0, len(motion.angles) - 1))
@@ -119,16 +121,17 @@ def resets_figure(path: Path, result: Replay, motion: Motion, areas: Sequence[fl
         )
 
 
-def terms_figure(path: Path, result: Replay, areas: Sequence[float], methods: Sequence[str]) -> None:
+def terms_figure(path: Path, result: Replay, columns: Columns, methods: Sequence[str]) -> None:
     """Which bands the terms of a rotating frame go to."""
+    names = columns.band_names
     with drawing(path, 1, 1, (8.6, 3.2)) as (figure, axes):
         width = 0.8 / len(methods)
         for k, name in enumerate(methods):
-            at = np.arange(len(areas)) + (k - (len(methods) - 1) / 2) * width
+            at = np.arange(len(names)) + (k - (len(methods) - 1) / 2) * width
             bars = axes.bar(at, result.terms[name], width * 0.92, color=FAMILIES[name.split("-")[0]], label=name)
             axes.bar_label(bars, fmt="%.1f", fontsize=8, padding=1)
-        axes.set_xticks(range(len(areas)), [f"{area:,.0f}" for area in areas])
-        axes.set(xlabel="Band: texels under a wavelet, coarse to fine", ylabel="Terms a frame")
+        axes.set_xticks(range(len(names)), names)
+        axes.set(xlabel=f"{columns.band_label}, coarse to fine", ylabel="Terms a frame")
         axes.grid(False, axis="x")
         axes.margins(y=0.12)
         figure.suptitle(f"Where the terms go while rotating under {result.environment}", fontsize=11)

@@ -38,15 +38,14 @@ def write(
     points: Sequence[Point],
 ) -> None:
     """All files but the pictures; the page last, so that it never shows what is not there."""
-    areas = _band_areas(transport)
     summaries = [_summary(result, motion, rows, transport) for _, result, _, _ in chapters]
     write_csv(path / "frames.csv", [line for _, result, _, _ in chapters for line in _frames(result, rows)])
     write_csv(path / "methods.csv", [line for summary in summaries for line in summary])
     for slug, result, _, _ in chapters:
         frames_figure(path / f"{slug}-error-against-frame.png", result, motion)
         time_figure(path / f"{slug}-error-against-time.png", result, motion, rows, 1)
-        resets_figure(path / f"{slug}-resets.png", result, motion, areas, "PBI-30")
-        terms_figure(path / f"{slug}-terms.png", result, areas, ("NWA-30", "BI-30", "PBI-30"))
+        resets_figure(path / f"{slug}-resets.png", result, motion, transport.columns, "PBI-30")
+        terms_figure(path / f"{slug}-terms.png", result, transport.columns, ("NWA-30", "BI-30", "PBI-30"))
     if points:
         bytes_figure(path / "error-against-bytes.png", points)
         write_csv(path / "bytes.csv", [_point(point) for point in points])
@@ -58,12 +57,6 @@ def write(
     _size(page, transport, motion, points, chapters)
     _method(page, motion)
     (path / "index.html").write_text(str(page), encoding="utf-8")
-
-
-def _band_areas(transport: Transport) -> list[float]:
-    """Texels under the finest wavelet of each band: the band's name in the papers."""
-    bands, areas = transport.columns.bands, transport.columns.areas
-    return [float(areas[bands == band].min()) for band in range(int(bands[-1]) + 1)]
 
 
 def _frames(result: Replay, rows: Sequence[Row]) -> list[dict[str, Any]]:

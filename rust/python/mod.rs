@@ -8,6 +8,7 @@ mod scene;
 mod tracer;
 mod transport;
 mod update;
+mod writer;
 
 use pyo3::exceptions::{PyOSError, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
@@ -43,6 +44,7 @@ fn core_module(module: &Bound<'_, PyModule>) -> PyResult<()> {
     interrupt::register(module)?;
     update::register(module)?;
     transport::register(module)?;
+    writer::register(module)?;
     light::register(module)?;
     harmonics::register(module)?;
     relight::register(module)?;

@@ -1,22 +1,21 @@
-//! The transport floor for Python: an opened M, a writer, and tiles that are passed from one to the other unseen.
+//! The transport floor for Python: an opened M, and tiles that are passed to a writer unseen.
 
-use std::path::{Path, PathBuf};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::path::PathBuf;
+use std::sync::{Arc, OnceLock};
 
 use numpy::{
-    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
+    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3,
     PyUntypedArrayMethods,
 };
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
-use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::relight::shade::{Rows, resolve};
-use crate::transport::manifest::{Manifest, TILES_PER_SHARD, width_name};
+use crate::transport::manifest::width_name;
 use crate::transport::truncate::bf16;
-use crate::transport::{Audit, Dense, Description, ReceiverTable, Survey, Tile, TransportMatrix, Truncation, Values};
-use crate::transport::{Width, Writer, open};
+use crate::transport::{Audit, Dense, ReceiverTable, Tile, TransportMatrix, Truncation, Values, Width};
+use crate::transport::{Opened, open, rewrite, survey};
 use crate::update::{RowNorm, multiply};
 
 use super::{compute, interruptible};
@@ -53,17 +52,11 @@ pub(crate) struct Transport {
     /// What the grid of a product follows; found when it is first asked for.
     row_norm: OnceLock<RowNorm>,
     /// What only a file has.
-    file: Option<FileParts>,
-}
-
-struct FileParts {
-    manifest: Manifest,
-    receivers: ReceiverTable,
-    audit: Option<Audit>,
+    file: Option<Opened>,
 }
 
 impl Transport {
-    fn file(&self) -> Result<&FileParts> {
+    fn file(&self) -> Result<&Opened> {
         self.file.as_ref().ok_or_else(|| Error::input("expected a transport that was opened from a file"))
     }
 
@@ -106,8 +99,7 @@ impl Transport {
     #[staticmethod]
     fn open(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let opened = compute(py, || open(&path))?;
-        let file = FileParts { manifest: opened.manifest, receivers: opened.receivers, audit: opened.audit };
-        Ok(Transport { matrix: Arc::new(opened.matrix), row_norm: OnceLock::new(), file: Some(file) })
+        Ok(Transport { matrix: Arc::clone(&opened.matrix), row_norm: OnceLock::new(), file: Some(opened) })
     }
 
     /// Compresses a dense array (rows, columns) of float64 in memory.
@@ -408,7 +400,7 @@ impl Transport {
         let file = self.file()?;
         interruptible(py, progress, |watch| {
             let step = |tiles: usize| watch.advance(tiles as u64);
-            write_truncated(&self.matrix, file, &path, &rule, plan, step)
+            rewrite(file, &path, &rule, plan, step)
         })
     }
 
@@ -431,165 +423,8 @@ impl Transport {
     }
 }
 
-/// The energies of all groups of a matrix; tile by tile, merged in order.
-fn survey(matrix: &TransportMatrix, rule: &Truncation) -> Result<Survey> {
-    let empty = Survey::new(&matrix.bands, rule.quantum, rule.width)?;
-    let parts = matrix.tiles.par_iter().map(|tile| {
-        let mut part = empty.clone();
-        tile.for_each_group(matrix.bands.columns(), matrix.quantum, |_, lanes| part.add(lanes, &matrix.bands))?;
-        Ok(part)
-    });
-    let mut all = empty.clone();
-    parts.collect::<Result<Vec<_>>>()?.iter().for_each(|part| all.merge(part));
-    Ok(all)
-}
-
-fn write_truncated(
-    matrix: &TransportMatrix,
-    file: &FileParts,
-    path: &Path,
-    rule: &Truncation,
-    plan: String,
-    step: impl Fn(usize) -> Result<()> + Sync,
-) -> Result<()> {
-    let job = format!("{{\"truncation\": \"{rule:?}\", \"of\": {:?}, \"plan\": {plan:?}}}", file.manifest.files);
-    let mut writer = Writer::open(path, &job)?;
-    let finished = writer.finished();
-    for (shard, tiles) in matrix.tiles.chunks(TILES_PER_SHARD).enumerate() {
-        if !finished.contains(&shard) {
-            let tiles = tiles.par_iter().map(|tile| tile.retruncate(&matrix.bands, matrix.quantum, rule));
-            writer.write_shard(shard, &tiles.collect::<Result<Vec<_>>>()?)?;
-        }
-        step(tiles.len())?;
-    }
-    let about = Description {
-        space: matrix.space,
-        rows: matrix.rows,
-        quantum: rule.quantum,
-        width: rule.width,
-        tile_rows: matrix.tile_rows,
-        image: file.manifest.image,
-        camera: file.manifest.camera.get().to_owned(),
-        plan,
-        scene: file.manifest.scene.clone(),
-    };
-    // An audit counts in the quantum of its file.
-    let audit = file.audit.as_ref().filter(|_| rule.quantum == matrix.quantum);
-    writer.finish(&about, &file.receivers, audit)
-}
-
-/// Writes a transport shard by shard; the target is only touched when all is whole.
-#[pyclass(frozen, module = "deltalux._core")]
-struct TransportWriter(Mutex<Option<Writer>>);
-
-impl TransportWriter {
-    fn with<T>(&self, work: impl FnOnce(&mut Option<Writer>) -> Result<T>) -> Result<T> {
-        work(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
-    }
-}
-
-fn finished_error() -> Error {
-    Error::input("this writer has finished: open another one")
-}
-
-#[pymethods]
-impl TransportWriter {
-    /// Begins a run, or resumes the one that left `path`.partial with the same `job` text.
-    #[new]
-    fn new(py: Python<'_>, path: PathBuf, job: String) -> PyResult<Self> {
-        let writer = compute(py, || Writer::open(&path, &job))?;
-        Ok(TransportWriter(Mutex::new(Some(writer))))
-    }
-
-    /// Tiles in a shard.
-    #[classattr]
-    const TILES_PER_SHARD: usize = TILES_PER_SHARD;
-
-    /// Numbers of the shards that need not be computed again, ascending.
-    fn finished(&self) -> PyResult<Vec<usize>> {
-        Ok(self.with(|writer| Ok(writer.as_ref().ok_or_else(finished_error)?.finished()))?)
-    }
-
-    /// Writes the tiles of a shard (tiles 4 number, 4 number + 1, ...); returns the bytes written.
-    fn write_shard(&self, py: Python<'_>, number: usize, tiles: Vec<Py<TileData>>) -> PyResult<u64> {
-        let tiles: Vec<Tile> = tiles.iter().map(|tile| tile.get().0.clone()).collect();
-        compute(py, || self.with(|writer| writer.as_mut().ok_or_else(finished_error)?.write_shard(number, &tiles)))
-    }
-
-    /// Writes the receivers, the audit and the manifest, checks everything, and puts the result in its place.
-    ///
-    /// pixel (rows,) uint32; weight (rows,), albedo, position, normal (rows, 3), background (height * width,) float32;
-    /// material (rows,) uint16; audit: (groups (n,) uint32, one tile of 16 n rows in 16 bits).
-    #[pyo3(signature = (
-        *, columns, rows, quantum, width, tile_rows, image, camera, plan, scene,
-        pixel, weight, albedo, position, normal, background, material = None, audit = None
-    ))]
-    #[allow(clippy::too_many_arguments)]
-    fn finish(
-        &self,
-        py: Python<'_>,
-        columns: &str,
-        rows: usize,
-        quantum: i32,
-        width: &str,
-        tile_rows: usize,
-        image: (usize, usize),
-        camera: String,
-        plan: String,
-        scene: String,
-        pixel: PyReadonlyArray1<'_, u32>,
-        weight: PyReadonlyArray1<'_, f32>,
-        albedo: PyReadonlyArray2<'_, f32>,
-        position: PyReadonlyArray2<'_, f32>,
-        normal: PyReadonlyArray2<'_, f32>,
-        background: PyReadonlyArray1<'_, f32>,
-        material: Option<PyReadonlyArray1<'_, u16>>,
-        audit: Option<(PyReadonlyArray1<'_, u32>, Py<TileData>)>,
-    ) -> PyResult<()> {
-        let about = Description {
-            space: columns.parse()?,
-            rows,
-            quantum,
-            width: parse_width(width)?,
-            tile_rows,
-            image: [image.0, image.1],
-            camera,
-            plan,
-            scene,
-        };
-        let receivers = ReceiverTable {
-            pixel: to_vec(&pixel).into(),
-            weight: to_vec(&weight).into(),
-            albedo: to_vec_of_rows("albedo", &albedo, rows)?.into(),
-            position: to_vec_of_rows("position", &position, rows)?.into(),
-            normal: to_vec_of_rows("normal", &normal, rows)?.into(),
-            material: material.as_ref().map(|material| to_vec(material).into()),
-            background: to_vec(&background).into(),
-        };
-        let audit = audit.map(|(groups, tile)| Audit { groups: to_vec(&groups).into(), tile: tile.get().0.clone() });
-        compute(py, || {
-            self.with(|writer| {
-                receivers.check(rows, about.image).map_err(Error::Input)?;
-                writer.take().ok_or_else(finished_error)?.finish(&about, &receivers, audit.as_ref())
-            })
-        })
-    }
-}
-
-fn to_vec<T: numpy::Element + Copy>(array: &PyReadonlyArray1<'_, T>) -> Vec<T> {
-    array.as_array().iter().copied().collect()
-}
-
-fn to_vec_of_rows(name: &str, array: &PyReadonlyArray2<'_, f32>, rows: usize) -> Result<Vec<f32>> {
-    if array.shape() != [rows, 3] {
-        return Err(Error::input(format!("expected {name} of shape ({rows}, 3), got {:?}", array.shape())));
-    }
-    Ok(array.as_array().iter().copied().collect())
-}
-
 pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<TileData>()?;
     module.add_class::<Transport>()?;
-    module.add_class::<TransportWriter>()?;
     Ok(())
 }

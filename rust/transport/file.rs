@@ -5,6 +5,7 @@
 //! claims: sizes are those of files that exist, and the arrays stay where they are mapped.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use rayon::prelude::*;
 
@@ -46,7 +47,7 @@ pub struct Audit {
 /// An opened transport.
 pub struct Opened {
     pub manifest: Manifest,
-    pub matrix: TransportMatrix,
+    pub matrix: Arc<TransportMatrix>,
     pub receivers: ReceiverTable,
     pub audit: Option<Audit>,
 }
@@ -84,7 +85,7 @@ pub fn open(directory: &Path) -> Result<Opened> {
         tile_rows: manifest.tile_rows,
         tiles,
     };
-    Ok(Opened { manifest, matrix, receivers, audit })
+    Ok(Opened { manifest, matrix: Arc::new(matrix), receivers, audit })
 }
 
 fn read_shard(

@@ -197,6 +197,7 @@ def test_haar_columns():
     # METHODS D1: 24, 72, 288, 1152, 4608, 18432 wavelets of area 4096 down to 4.
     np.testing.assert_array_equal(np.bincount(columns.bands), [24, 72, 288, 1152, 4608, 18432])
     np.testing.assert_array_equal(columns.areas, 4096.0 / 4.0**columns.bands)
+    assert columns.band_names == ("4,096", "1,024", "256", "64", "16", "4") and Haar(1).band_names == ("1",)
     with pytest.raises(ValueError, match="read-only"):
         columns.bands[0] = 1
 

@@ -16,7 +16,7 @@ from ..motion import Motion
 from ..replay import Row
 from ..transport import Transport
 
-__all__ = ["Case", "Light", "Moment", "band_names", "follow", "light_errors", "lights"]
+__all__ = ["Case", "Light", "Moment", "follow", "light_errors", "lights"]
 
 Light = NDArray[np.float64]
 """Coefficients, (columns, 3)."""
@@ -75,9 +75,3 @@ def light_errors(columns: Columns, values: Light, light: Light) -> tuple[float, 
 def _weighted_l1(columns: Columns, coefficients: Light) -> float:
     # einsum: a call of BLAS would wake its threads for a vector.
     return float(np.einsum("i,ij->", columns.areas, np.abs(coefficients)))
-
-
-def band_names(columns: Haar) -> list[str]:
-    """Each band by the texels under its wavelets, as the papers name them; coarse to fine."""
-    bands, areas = columns.bands, columns.areas
-    return [f"{areas[bands == band].min():,.0f}" for band in range(int(bands[-1]) + 1)]

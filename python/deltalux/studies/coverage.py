@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from ..plotting import FAMILIES
 from ..progress import Progress
 from ..replay import Row
 from ..verdicts import Verdict
-from .case import Case, band_names, follow, lights
+from .case import Case, follow, lights
 from .pictures import cross
 from .sheet import Sheet
 from .study import Study
@@ -66,7 +67,7 @@ def run(case: Case, sheet: Sheet, progress: Progress) -> None:
     _maps(case, sheet, sent, moments, _WINDOW)
     histograms = {name: _histogram(case.columns, columns) for name, columns in sent.items()}
     _bars(case, sheet, histograms, moments)
-    names = band_names(case.columns)
+    names = case.columns.band_names
     sheet.heading("Terms per band, mean over turning frames")
     turning = slice(1, case.motion.stop + 1)
     means = {name: table[turning].mean(axis=0) for name, table in histograms.items()}
@@ -114,7 +115,7 @@ def _maps(case: Case, sheet: Sheet, sent: dict[str, Sent], moments: list[tuple[i
 
 
 def _bars(case: Case, sheet: Sheet, histograms: dict[str, NDArray[np.int64]], moments: list[tuple[int, str]]) -> None:
-    names = band_names(case.columns)
+    names = case.columns.band_names
     caption = (
         f"Terms sent per band: full bars are means over {_WINDOW} frames that end at the one named, outlines the frame "
         "alone."
@@ -129,13 +130,13 @@ def _bars(case: Case, sheet: Sheet, histograms: dict[str, NDArray[np.int64]], mo
                 panel.bar(at, table[frame], 0.25, fill=False, edgecolor="black", linewidth=0.7)
             panel.set_xticks(range(len(names)), names, rotation=45)
             panel.set_title(f"frame {frame}, {what}", fontsize=10)
-            panel.set_xlabel("Texels under a wavelet")
+            panel.set_xlabel(case.columns.band_label)
             panel.grid(False, axis="x")
         axes[0].set_ylabel("Terms a frame")
         figure.legend(*axes[0].get_legend_handles_labels(), loc="outside right center")
 
 
-def _table(names: list[str], histograms: dict[str, NDArray[np.int64]]) -> list[dict[str, Any]]:
+def _table(names: Sequence[str], histograms: dict[str, NDArray[np.int64]]) -> list[dict[str, Any]]:
     keys = [f"texels_{name.replace(',', '')}" for name in names]
     return [
         {"method": method, "frame": k, **dict(zip(keys, map(int, line), strict=True))}

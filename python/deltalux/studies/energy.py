@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..columns import Haar
 from ..progress import Progress
 from ..verdicts import Verdict
-from .case import Case, Light, band_names, lights
+from .case import Case, Light, lights
 from .sheet import Sheet
 from .study import Study
 
@@ -40,7 +40,9 @@ class Coherence:
         y = time - self.frames.mean()
         weight = self.shares / len(self.shares)
         covariance = float(np.einsum("ij,i,j->", weight, x, y))
-        return covariance / float(np.sqrt((weight.sum(axis=1) @ x**2) * (weight.sum(axis=0) @ y**2)))
+        spread = float(np.sqrt((weight.sum(axis=1) @ x**2) * (weight.sum(axis=0) @ y**2)))
+        # Where all energy lies in one temporal band there is no diagonal.
+        return covariance / spread if spread > 1e-12 else 0.0
 
 
 def _octaves(bands: int) -> NDArray[np.float64]:
@@ -77,7 +79,7 @@ def run(case: Case, sheet: Sheet, progress: Progress) -> None:
     found = spatio_temporal(case.columns, frames)
     progress(2, 2)
 
-    names = band_names(case.columns)
+    names = case.columns.band_names
     times = [str(2**k) for k in range(found.shares.shape[1], 0, -1)]
     caption = (
         "Energy per band in space (down) and time (across). Shares of each spatial band's energy; a dot marks the mean "
@@ -93,7 +95,7 @@ def run(case: Case, sheet: Sheet, progress: Progress) -> None:
         axes.plot(len(times) - found.frames, range(len(names)), "o-", color="#D55E00", markersize=5)
         axes.set_xticks(range(len(times)), times)
         axes.set_yticks(range(len(names)), names)
-        axes.set(xlabel="Frames under a temporal wavelet (the mean with the longest)", ylabel="Texels under a wavelet")
+        axes.set(xlabel="Frames under a temporal wavelet (the mean with the longest)", ylabel=case.columns.band_label)
         axes.grid(False)
         figure.suptitle(f"{case.env.name}: {motion.rotate:g} degrees in {_FRAMES} frames", fontsize=11)
     sheet.heading("Norm of every pair of bands")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -10,16 +11,15 @@ from numpy.typing import NDArray
 
 from ..columns import Haar
 from ..methods import PerBand
-from ..motion import Motion
 from ..plotting import FAMILIES
 from ..progress import Progress
 from ..replay import Row
 from ..verdicts import Verdict
-from .case import Case, Light, Moment, band_names, follow, lights
+from .case import Case, Light, Moment, follow, lights
 from .sheet import Sheet
 from .study import Study
 
-__all__ = ["STUDY"]
+__all__ = ["STUDY", "rasters"]
 
 _PBI = Row("PBI-30", "PBI", PerBand(30))
 _SPEEDS = (30.0, 45.0, 90.0, 180.0)
@@ -35,27 +35,26 @@ def run(case: Case, sheet: Sheet, progress: Progress) -> None:
     printed, held = {}, {}
     for k, degrees in enumerate(speeds):
         progress(k, len(speeds))
-        motion = replace(case.motion, rotate=degrees)
-        printed[degrees], held[degrees] = _rasters(case, motion)
+        frames = lights(case.env, replace(case.motion, rotate=degrees), case.columns)
+        printed[degrees], held[degrees] = rasters(case.columns, _PBI, frames)
     progress(1, 1)
 
     _draw(case, sheet, printed[asked], held[asked])
-    names = band_names(case.columns)
-    for title, rasters in (("As the papers count", printed), ("Of bands that held something", held)):
+    names = case.columns.band_names
+    for title, found in (("As the papers count", printed), ("Of bands that held something", held)):
         sheet.heading(f"Resets per band: {title.lower()}")
-        lines = [(f"{degrees:g} degrees", *map(str, rasters[degrees].sum(axis=0))) for degrees in speeds]
+        lines = [(f"{degrees:g} degrees", *map(str, found[degrees].sum(axis=0))) for degrees in speeds]
         sheet.table(("Rotation", *(f"{name} texels" for name in names)), lines)
     sheet.csv("resets.csv", _table(case, printed, held))
     sheet.claims(_claims(printed, asked))
 
 
-def _rasters(case: Case, motion: Motion) -> tuple[Raster, Raster]:
+def rasters(columns: Haar, row: Row, frames: Sequence[Light]) -> tuple[Raster, Raster]:
     """Resets by Fig. 6.1's test, which also resets a band that holds nothing; and those that took something away."""
-    frames = lights(case.env, motion, case.columns)
-    count = int(case.columns.bands[-1]) + 1
+    count = int(columns.bands[-1]) + 1
     printed, held = np.zeros((2, len(frames), count), bool)
-    for k, (moment, light) in enumerate(zip(follow(case.columns, _PBI, frames), frames, strict=True)):
-        printed[k] = _anew(case.columns, moment, light)
+    for k, (moment, light) in enumerate(zip(follow(columns, row, frames), frames, strict=True)):
+        printed[k] = _anew(columns, moment, light)
         held[k, list(moment.update.resets)] = True
     return printed, held
 
@@ -68,7 +67,7 @@ def _anew(columns: Haar, moment: Moment, light: Light) -> Raster:
 
 
 def _draw(case: Case, sheet: Sheet, printed: Raster, held: Raster) -> None:
-    names, motion = band_names(case.columns), case.motion
+    names, motion = case.columns.band_names, case.motion
     caption = (
         "Frames in which PBI-30 starts a band anew. Pale lines are resets of bands that held nothing, which cost and "
         "change nothing; below, the angle of the light."
@@ -84,7 +83,7 @@ def _draw(case: Case, sheet: Sheet, printed: Raster, held: Raster) -> None:
             raster.text(1.01, band, total, transform=raster.get_yaxis_transform(), va="center", fontsize=8)
         raster.set_yticks(range(len(names)), names)
         raster.set_ylim(len(names) - 0.4, -0.6)
-        raster.set_ylabel("Band: texels under\na wavelet")
+        raster.set_ylabel(case.columns.band_label)
         raster.grid(False)
         profile.plot(motion.angles, color="#000000", linewidth=1.6)
         profile.set(xlabel="Frame", ylabel="Angle (degrees)", xlim=(0, len(motion.angles) - 1))
@@ -94,7 +93,7 @@ def _draw(case: Case, sheet: Sheet, printed: Raster, held: Raster) -> None:
 
 
 def _table(case: Case, printed: dict[float, Raster], held: dict[float, Raster]) -> list[dict[str, Any]]:
-    names = band_names(case.columns)
+    names = case.columns.band_names
     return [
         {"degrees": degrees, "frame": k, "band": name, "reset": int(raster[k, b]), "held": int(held[degrees][k, b])}
         for degrees, raster in printed.items()
