@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from textwrap import fill
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -167,7 +168,7 @@ def _strip(sheet: Sheet, exact: dict[str, NDArray[np.float32]], shots: Shots) ->
             for panel, order in zip(line[:-1], _ORDERS, strict=True):
                 text = f"{100 * shots[name, order, windowed].error:.2g} %"
                 panel.text(0.97, 0.04, text, ha="right", transform=panel.transAxes, **corner)
-            label = f"{name}\nwindow" if windowed else name
+            label = fill(name, 14) + ("\nwindow" if windowed else "")
             place = {"rotation": 90, "va": "center", "ha": "right", "transform": line[0].transAxes}
             line[0].text(-0.04, 0.5, label, fontsize=8, **place)
         for panel, title in zip(axes[0], [*(f"order {n}\n{n * n} terms" for n in _ORDERS), "exact"], strict=True):
