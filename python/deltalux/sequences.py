@@ -101,7 +101,7 @@ def area_light(
 
     def frame(way: float) -> Environment:
         azimuth, elevation, radius = ends[0] + way * (ends[1] - ends[0])
-        return _with(env, _disc((azimuth, elevation), radius)[..., None] * colour)
+        return _with(env, disc((azimuth, elevation), radius)[..., None] * colour)
 
     return (frame(way) for way in _eased(frames, hold))
 
@@ -117,7 +117,7 @@ def sunrise(frames: int, *, noon: float = 55.0) -> Iterator[Environment]:
     hours = np.radians(np.linspace(-6.0, 186.0, _frames(frames)))
 
     def frame(hour: float) -> Environment:
-        x, y, z = np.cos(hour) * np.array([1.0, 0.0, 0.0]) + np.sin(hour) * skies._toward(0.0, np.radians(noon))
+        x, y, z = np.cos(hour) * np.array([1.0, 0.0, 0.0]) + np.sin(hour) * skies.toward(0.0, np.radians(noon))
         picture = skies.sky(azimuth=float(np.arctan2(x, -z)), elevation=float(np.arcsin(y)), height=192)
         return Environment.from_latlong(picture)
 
@@ -163,7 +163,7 @@ def _painted(
     painted = env
     for k in range(frames):
         for dab in dabs[k * len(dabs) // frames : (k + 1) * len(dabs) // frames]:
-            np.maximum(paint, _disc((dab[0], dab[1]), radius), out=paint)
+            np.maximum(paint, disc((dab[0], dab[1]), radius), out=paint)
         painted = _with(env, paint[..., None] * colour)
         yield painted
     for _ in range(hold):
@@ -181,10 +181,10 @@ def _dabs(lines: list[NDArray[np.float64]], step: float) -> NDArray[np.float64]:
     return np.array(places)
 
 
-def _disc(place: Place, radius: float) -> NDArray[np.float32]:
+def disc(place: Place, radius: float) -> NDArray[np.float32]:
     """The share of each texel that a disc covers, its edge a texel wide: (6, n, n)."""
-    centre = skies._toward(*np.radians(place)).astype(np.float32)
-    cosine = _texels() @ centre
+    centre = skies.toward(*np.radians(place)).astype(np.float32)
+    cosine = texel_directions() @ centre
     width = np.pi / 2 / _FACE
     near = cosine > np.cos(min(np.radians(radius) + width, np.pi))
     away = np.arccos(np.minimum(cosine[near], 1))
@@ -194,7 +194,7 @@ def _disc(place: Place, radius: float) -> NDArray[np.float32]:
 
 
 @cache
-def _texels() -> NDArray[np.float32]:
+def texel_directions() -> NDArray[np.float32]:
     """Unit directions of the texels' centres, (6, n, n, 3), in OpenGL's orientation."""
     along = (2 * np.arange(_FACE) + 1 - _FACE) / _FACE
     t, s = np.meshgrid(along, along, indexing="ij")

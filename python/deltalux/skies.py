@@ -31,7 +31,7 @@ def _directions(height: int = HEIGHT, width: int = WIDTH) -> tuple[Floats, Float
     return flat * np.sin(u), np.broadcast_to(np.cos(v)[:, None], (height, width)), -flat * np.cos(u)
 
 
-def _toward(azimuth: float, elevation: float) -> NDArray[np.float64]:
+def toward(azimuth: float, elevation: float) -> NDArray[np.float64]:
     """The unit vector at an azimuth from -Z towards +X and an elevation above the horizon."""
     flat = np.cos(elevation)
     return np.array([flat * np.sin(azimuth), np.sin(elevation), -flat * np.cos(azimuth)])
@@ -52,7 +52,7 @@ def sky(azimuth: float = _SUN_AZIMUTH, elevation: float = _SUN_ELEVATION, height
     (height, 2 height, 3); the sun stands at an azimuth from -Z towards +X and an elevation, in radians.
     """
     x, y, z = _directions(height, 2 * height)
-    sun = _toward(azimuth, elevation)
+    sun = toward(azimuth, elevation)
     to_sun = np.arccos(np.clip(x * sun[0] + y * sun[1] + z * sun[2], -1, 1))
     above = _preetham(np.maximum(y, 0.01), to_sun, np.pi / 2 - max(elevation, 0.0))
     # Twilight: from 400 lux at sunset to 3.4 at 6 degrees below the horizon.
@@ -157,7 +157,7 @@ def studio() -> Floats:
     image = np.empty((3 * HEIGHT, 3 * WIDTH, 3), np.float32)
     image[:] = 0.002 + 0.002 * np.clip(y, 0, 1)[..., None]
     for azimuth, elevation, wide, high, is_round, colour in _LAMPS:
-        out = _toward(np.radians(azimuth), np.radians(elevation))
+        out = toward(np.radians(azimuth), np.radians(elevation))
         right = np.array([np.cos(np.radians(azimuth)), 0.0, np.sin(np.radians(azimuth))])
         up = np.cross(right, out)
         # Only the rows that the lamp can reach are looked at.

@@ -7,7 +7,7 @@ import scipy.special
 from deltalux import Environment, SphericalHarmonics
 from deltalux.columns import parse
 from deltalux.environment import _rotation
-from deltalux.sequences import _texels
+from deltalux.sequences import texel_directions
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -40,7 +40,7 @@ def smooth_light(order, seed):
 
 def cubemap(V):
     """The light of coefficients, six faces of 64 x 64: nearly its average over each texel, from four points."""
-    fine = SphericalHarmonics(int(np.sqrt(len(V)))).evaluate(_texels()) @ V
+    fine = SphericalHarmonics(int(np.sqrt(len(V)))).evaluate(texel_directions()) @ V
     return fine.reshape(6, 64, 2, 64, 2, 3).mean(axis=(2, 4))
 
 

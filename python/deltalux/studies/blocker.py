@@ -25,7 +25,7 @@ from ..io import to_display
 from ..plotting import percent
 from ..progress import Progress
 from ..replay import relative_errors
-from ..sequences import _disc, _texels
+from ..sequences import disc, texel_directions
 from ..shapes import Model, box, quad
 from ..transport import Transport
 from ..verdicts import Verdict
@@ -117,11 +117,11 @@ def _scene() -> Any:
 def _disc_light(size: float) -> Environment:
     """A round light of this diameter in degrees; of one texel, if it is 0."""
     if size > 0:
-        cover = _disc(_PLACE, size / 2)
+        cover = disc(_PLACE, size / 2)
     else:
-        centres = _texels().reshape(6, 64, 2, 64, 2, 3).sum(axis=(2, 4))
+        centres = texel_directions().reshape(6, 64, 2, 64, 2, 3).sum(axis=(2, 4))
         cover = np.zeros((6, 64, 64), np.float32)
-        cover.flat[np.argmax(centres @ skies._toward(*np.radians(_PLACE)))] = 1
+        cover.flat[np.argmax(centres @ skies.toward(*np.radians(_PLACE)))] = 1
     return _same_flux(Environment.from_cubemap(np.repeat(cover[..., None], 3, axis=3)))
 
 
