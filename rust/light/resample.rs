@@ -130,10 +130,14 @@ impl Prepared {
     #[inline(always)]
     fn add_base_any(&self, frame: &Frame, row: usize, scale: f32, texels: &mut [[f32; 3]]) {
         let mut points = Points::new();
+        // Four lanes, of which three are wanted: whole vectors.
+        let mut values = [[0.0f32; 4]; CHUNK];
         for (chunk, texels) in texels.chunks_mut(CHUNK).enumerate() {
             points.fill(frame, self.size, row, CHUNK * chunk);
-            for (k, texel) in texels.iter_mut().enumerate() {
-                let value = self.look(&points, k);
+            for (k, value) in values.iter_mut().enumerate().take(texels.len()) {
+                *value = self.look(&points, k);
+            }
+            for (texel, value) in texels.iter_mut().zip(&values) {
                 (0..3).for_each(|c| texel[c] += scale * value[c]);
             }
         }
@@ -167,39 +171,14 @@ impl Points {
             let s = (2 * (first + k) as i32 + 1 - size as i32) as f32 / size as f32;
             let [x, y, z]: [f32; 3] = std::array::from_fn(|axis| start[axis] + s * right[axis]);
 
-            // The face that is met, without branches: choose among three axes, then the sign.
+            // The face that is met: choose among three axes, then the sign.
             let (ax, ay, az) = (x.abs(), y.abs(), z.abs());
-            let (is_x, is_y) = ((ax >= ay) & (ax >= az), ay >= az);
-            let major = if is_x {
-                x
-            } else if is_y {
-                y
-            } else {
-                z
-            };
-            let inverse = 1.0 / major.abs();
-            let sign = 1.0f32.copysign(major);
-            let s = if is_x {
-                -z * sign
-            } else if is_y {
-                x
-            } else {
-                x * sign
-            };
-            let t = if is_x {
-                -y
-            } else if is_y {
-                z * sign
-            } else {
-                -y
-            };
-            let face = (if is_x {
-                0
-            } else if is_y {
-                2
-            } else {
-                4
-            }) + i32::from(major < 0.0);
+            let (is_x, is_y) = (mask((ax >= ay) & (ax >= az)), mask(ay >= az));
+            let choose = |along_x, along_y, along_z| select(is_x, along_x, select(is_y, along_y, along_z));
+            let major = choose(x, y, z);
+            let (inverse, sign) = (1.0 / major.abs(), 1.0f32.copysign(major));
+            let (s, t) = (choose(-z * sign, x, x * sign), choose(-y, z * sign, -y));
+            let face = (!is_x & (2 + (!is_y & 2))) as i32 + i32::from(major < 0.0);
             let (u, v) = (s * inverse * 0.5 + 0.5, t * inverse * 0.5 + 0.5);
             self.narrow.set(k, 2 * size as i32, face, u, v);
             self.wide.set(k, size as i32, face, u, v);
@@ -207,7 +186,7 @@ impl Points {
             // A texel at distance r from the centre of the cube has the solid angle (2/n)^2 / r^3. The target's r is
             // |d|, the source's |d| / major: the target's texels are 1 / major^3 times as large. The variance of a
             // square grows with its area: so much of the wide one, four times as large, gives the target's.
-            self.blend[k] = ((inverse * inverse * inverse - 1.0) / 3.0).clamp(0.0, 1.0);
+            self.blend[k] = ((inverse * inverse * inverse - 1.0) * (1.0 / 3.0)).max(0.0).min(1.0);
         }
     }
 }
@@ -219,11 +198,22 @@ impl Places {
         let side = size + 1;
         let (x, y) = (u * size as f32, v * size as f32);
         let last = (size - 1) as f32;
-        let (left, top) = (x.floor().clamp(0.0, last), y.floor().clamp(0.0, last));
+        let (left, top) = (x.floor().max(0.0).min(last), y.floor().max(0.0).min(last));
         self.first[k] = ((face * side + integer(top)) * side + integer(left)) as u32;
         self.x[k] = x - left;
         self.y[k] = y - top;
     }
+}
+
+/// All bits where a condition holds. With it, choices are arithmetic that the compiler keeps in vectors, not branches.
+#[inline(always)]
+fn mask(condition: bool) -> u32 {
+    0u32.wrapping_sub(u32::from(condition))
+}
+
+#[inline(always)]
+fn select(mask: u32, yes: f32, no: f32) -> f32 {
+    f32::from_bits(yes.to_bits() & mask | no.to_bits() & !mask)
 }
 
 /// A whole number in 0..2^23 as an integer: beside 2^23 it stands in the low bits. (`as` saturates, which costs more.)
