@@ -19,8 +19,9 @@ __all__ = ["Frame", "Relighter"]
 
 # What is done with a frame after its product takes this much less than all of a budget in time.
 _ON_TIME = 0.98
-# Starting to read a column costs as much time as reading so many bytes more of it.
-_COLUMN_BYTES = 8192.0
+# Choosing a column costs as much time as reading so many bytes of it, and starting to read it as so many more.
+_CHOOSING_BYTES = 64.0
+_STARTING_BYTES = 8192.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +108,8 @@ class Relighter:
             milliseconds_cost=0.0 if timed else None,
         )
         if timed:
-            chosen["costs"] = transport.column_bytes + _COLUMN_BYTES * np.sign(transport.column_bytes)
+            read = transport.column_bytes
+            chosen["costs"] = read + _CHOOSING_BYTES + np.where(read > 0, _STARTING_BYTES, 0.0)
         self._core = _core.Updater(core, chosen, initial == "full")
 
     def step(self, light: Environment | ArrayLike) -> Frame:

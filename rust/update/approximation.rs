@@ -191,7 +191,8 @@ impl Approximation {
             }
         }
 
-        choice.sent.sort_unstable();
+        // A few by their keys, and perhaps a band's in order: a stable sort merges such runs.
+        choice.sent.sort();
         update.terms.reserve_exact(choice.sent.len());
         for candidate in choice.sent {
             let column = candidate as usize / self.settings.channels.lanes();

@@ -22,6 +22,8 @@ pub struct Response {
     engine: Engine,
     /// V~: what has been applied.
     values: Vec<[f64; 3]>,
+    /// Whether a column has an entry in any tile: the finest of a truncated transport often have none.
+    stored: Vec<bool>,
     /// Whether a band of V~ may hold anything. INVARIANT: true wherever one does.
     held: Vec<bool>,
     /// What the last update moved.
@@ -39,8 +41,16 @@ impl Response {
     /// `new`, with the kernel named: for tests and benchmarks.
     pub fn with_engine(matrix: &TransportMatrix, engine: Engine) -> Response {
         let tiles = matrix.tiles.iter().map(|tile| vec![Sums::ZERO; tile.groups()]).collect();
-        let (values, held) = (vec![[0.0; 3]; matrix.bands.columns()], vec![false; matrix.bands.count()]);
-        Response { engine, values, held, moves: Vec::new(), tiles }
+        let columns = matrix.bands.columns();
+        let stored = |column: usize| matrix.tiles.iter().any(|tile| tile.starts[column] < tile.starts[column + 1]);
+        Response {
+            engine,
+            values: vec![[0.0; 3]; columns],
+            stored: (0..columns).map(stored).collect(),
+            held: vec![false; matrix.bands.count()],
+            moves: Vec::new(),
+            tiles,
+        }
     }
 
     /// V~: the coefficients applied so far.
@@ -103,7 +113,7 @@ impl Response {
         let unit = power_of_two(matrix.quantum);
         self.moves.clear();
         let mut push = |column: usize, change: [f64; 3]| {
-            if change != [0.0; 3] {
+            if self.stored[column] && change != [0.0; 3] {
                 self.moves.push(Move { column: column as u32, change: change.map(|x| x * unit) });
             }
         };
