@@ -1,5 +1,8 @@
 //! The frame's part of resampling: look up the base for every texel, spread the bright squares (see environment.rs).
 
+#[cfg(target_arch = "x86_64")]
+use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
+
 use rayon::prelude::*;
 
 use super::bright::{self, Placed, Square};
@@ -134,6 +137,7 @@ impl Prepared {
         let mut values = [[0.0f32; 4]; CHUNK];
         for (chunk, texels) in texels.chunks_mut(CHUNK).enumerate() {
             points.fill(frame, self.size, row, CHUNK * chunk);
+            self.narrow.fetch(&points.narrow, texels.len());
             for (k, value) in values.iter_mut().enumerate().take(texels.len()) {
                 *value = self.look(&points, k);
             }
@@ -250,6 +254,23 @@ impl Level {
             [r, g, b, 0.0]
         };
         Level { side, points: (0..6 * side * side).into_par_iter().map(point).collect() }
+    }
+
+    /// A hint that the points of the first places will be read. They lie across the map's rows, more of them than the
+    /// processor looks ahead.
+    #[inline(always)]
+    fn fetch(&self, places: &Places, count: usize) {
+        #[cfg(target_arch = "x86_64")]
+        for &first in &places.first[..count] {
+            let point = self.points.as_ptr().wrapping_add(first as usize);
+            // SAFETY: a prefetch never faults, and SSE is part of x86-64.
+            unsafe {
+                _mm_prefetch::<_MM_HINT_T0>(point.cast());
+                _mm_prefetch::<_MM_HINT_T0>(point.wrapping_add(self.side).cast());
+            }
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        let _ = (places, count);
     }
 
     /// Bilinear between the points at place `k`: down both columns at once, then across.

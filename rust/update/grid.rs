@@ -149,23 +149,34 @@ fn squares_avx2(light: &[[f64; 3]], values: &[[f64; 3]]) -> [[f64; 3]; 3] {
     squares_any(light, values)
 }
 
-/// Four columns at a time, in sums of their own: a fixed order that vectorises.
+/// Four columns of three colours are added at a time.
+const LANES: usize = 12;
+
+/// Sums of their own for each lane: a fixed order that vectorises.
 #[inline(always)]
 fn squares_any(light: &[[f64; 3]], values: &[[f64; 3]]) -> [[f64; 3]; 3] {
-    const LANES: usize = 12;
     let mut sums = [[0.0; LANES]; 3];
-    let mut add = |light: &[f64], values: &[f64]| {
-        for (lane, (new, old)) in light.iter().zip(values).enumerate() {
-            sums[0][lane] += (new - old) * (new - old);
-            sums[1][lane] += new * new;
-            sums[2][lane] += old * old;
-        }
-    };
     let (light, last_light) = light.as_flattened().as_chunks::<LANES>();
     let (values, last_values) = values.as_flattened().as_chunks::<LANES>();
-    light.iter().zip(values).for_each(|(light, values)| add(light, values));
-    add(last_light, last_values);
+    // What does not fill the lanes is padded with zeros, which add nothing.
+    let (mut padded_light, mut padded_values) = ([0.0; LANES], [0.0; LANES]);
+    padded_light[..last_light.len()].copy_from_slice(last_light);
+    padded_values[..last_values.len()].copy_from_slice(last_values);
+    for (light, values) in light.iter().zip(values) {
+        add_squares(&mut sums, light, values);
+    }
+    add_squares(&mut sums, &padded_light, &padded_values);
     sums.map(|lanes| std::array::from_fn(|c| (lanes[c] + lanes[c + 3]) + (lanes[c + 6] + lanes[c + 9])))
+}
+
+#[inline(always)]
+fn add_squares(sums: &mut [[f64; LANES]; 3], light: &[f64; LANES], values: &[f64; LANES]) {
+    for lane in 0..LANES {
+        let (new, old) = (light[lane], values[lane]);
+        sums[0][lane] += (new - old) * (new - old);
+        sums[1][lane] += new * new;
+        sums[2][lane] += old * old;
+    }
 }
 
 /// Moves the result of a sum of up to 2^20 squares, and of a few steps more, above its true value.
