@@ -29,6 +29,9 @@ pub(super) struct Keys {
     anew: Vec<f64>,
 }
 
+/// Above any sum of least keys, and below any other that matters.
+const NOTHING: f64 = 1e-300;
+
 /// weight * magnitude, but never zero where there is a change: a column of weight zero is sent last, not never.
 #[inline(always)]
 fn key(weight: f64, magnitude: f64) -> f64 {
@@ -182,10 +185,13 @@ impl Frame<'_> {
 
     /// |L^new| (`anew`) or |L^new - L~| of a band, in the weights of the keys; the square of it for L2.
     ///
+    /// Zero for a band whose columns are all worth nothing: the least keys, which only put them last, are no error.
     /// Area is constant in a band of wavelets, so that area weights change nothing in the comparison of the two.
     pub fn norm(&self, band: usize, anew: bool, norm: Norm) -> f64 {
         match norm {
-            Norm::L1 => sum_below(self.keys(band, anew), f64::INFINITY),
+            Norm::L1 => {
+                Some(sum_below(self.keys(band, anew), f64::INFINITY)).filter(|sum| *sum > NOTHING).unwrap_or(0.0)
+            }
             Norm::L2 => {
                 let columns = self.bands.range(band);
                 let light = self.target[columns.clone()].iter().zip(&self.values[columns.clone()]);
