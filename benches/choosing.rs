@@ -40,7 +40,7 @@ fn hall() -> EnvironmentMap {
         let (u, v) = ((k % width) as f64 / width as f64, (k / width) as f64 / height as f64);
         let wall = 0.4 + 0.2 * (3.0 * TAU * u).sin() * (5.0 * TAU * v).cos() + 0.1 * (41.0 * TAU * u).cos();
         let window = if (8.0 * u).fract() < 0.3 && (0.25..0.45).contains(&v) { 6.0 } else { 0.0 };
-        let lamp = if k % 97 == 0 && (k / width) % 53 < 2 { 400.0 } else { 0.0 };
+        let lamp = if k.is_multiple_of(97) && (k / width) % 53 < 2 { 400.0 } else { 0.0 };
         [wall + window + lamp, 0.9 * wall + 1.1 * window + 0.8 * lamp, 0.7 * wall + 1.3 * window + 0.5 * lamp]
             .map(|value| value as f32)
     };

@@ -1,9 +1,9 @@
 """Budgets in milliseconds, kept or not: `python benches/deadline.py plant.transport`.
 
-A light turns by 0.45 degrees a frame. For each budget, method and number of threads: the share of the budget that a frame
-takes (median, 95th percentile and slowest), what it sends, and the error that it leaves: the relative L1 of the image
-against the whole product, of one frame in ten. `fixed` is a frame that sends nothing: no budget below it can be kept.
-Frames are in blocks that take turns, so that what else the machine does meets all of them.
+A light turns by 0.45 degrees a frame. For each budget, method and number of threads: the share of the budget that a
+frame takes (median, 95th percentile and slowest), what it sends, and the error that it leaves: the relative L1 of the
+image against the whole product, of one frame in ten. `fixed` is a frame that sends nothing: no budget below it can be
+kept. Frames are in blocks that take turns, so that what else the machine does meets all of them.
 """
 
 from __future__ import annotations

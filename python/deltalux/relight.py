@@ -74,8 +74,8 @@ class Relighter:
         M; shared, never changed.
     method
         How coefficients are chosen: `PerBand(terms=30)`, `Nonlinear`, `Incremental`, `Full`. Under a budget in
-        ``milliseconds`` a frame sends what lets it end in time, resets included, as far as the frames before tell; where
-        not even its fixed part (light, choosing, writing the picture) fits, it sends the first column only. The
+        ``milliseconds`` a frame sends what lets it end in time, resets included, as far as the frames before tell;
+        where not even its fixed part (light, choosing, writing the picture) fits, it sends the first column only. The
         first frame under ``initial="full"`` takes as long as the whole product takes.
     initial
         What the first frame applies: "full", the whole light; "nonlinear", its largest terms within the method's
@@ -97,7 +97,7 @@ class Relighter:
         weight = getattr(method, "weight", "area")
         milliseconds = getattr(method, "milliseconds", None)
         timed = milliseconds is not None
-        self._seconds = _ON_TIME * milliseconds / 1000 if timed else None
+        self._seconds = None if milliseconds is None else _ON_TIME * milliseconds / 1000
         chosen = settings(
             method,
             transport.columns.areas,

@@ -190,7 +190,7 @@ impl Points {
             // A texel at distance r from the centre of the cube has the solid angle (2/n)^2 / r^3. The target's r is
             // |d|, the source's |d| / major: the target's texels are 1 / major^3 times as large. The variance of a
             // square grows with its area: so much of the wide one, four times as large, gives the target's.
-            self.blend[k] = ((inverse * inverse * inverse - 1.0) * (1.0 / 3.0)).max(0.0).min(1.0);
+            self.blend[k] = ((inverse * inverse * inverse - 1.0) * (1.0 / 3.0)).clamp(0.0, 1.0);
         }
     }
 }
@@ -202,6 +202,7 @@ impl Places {
         let side = size + 1;
         let (x, y) = (u * size as f32, v * size as f32);
         let last = (size - 1) as f32;
+        // Not `clamp`, which panics where the limits are crossed: that keeps loops out of vectors.
         let (left, top) = (x.floor().max(0.0).min(last), y.floor().max(0.0).min(last));
         self.first[k] = ((face * side + integer(top)) * side + integer(left)) as u32;
         self.x[k] = x - left;

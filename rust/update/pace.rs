@@ -19,7 +19,14 @@ const MARGINS: std::ops::RangeInclusive<f64> = 1.0..=2.0;
 /// The pace of one machine on one transport.
 pub struct Pace {
     seen: Moments,
+    /// Predictions are taken so many times.
     margin: f64,
+}
+
+impl Default for Pace {
+    fn default() -> Pace {
+        Pace { seen: Moments::default(), margin: 1.1 }
+    }
 }
 
 /// Weighted sums over frames of 1, x, x^2, t and x t; x is the cost and t the time.
@@ -45,10 +52,6 @@ impl Moments {
 }
 
 impl Pace {
-    pub fn new() -> Pace {
-        Pace { seen: Moments::default(), margin: 1.1 }
-    }
-
     fn line(&self) -> (f64, f64) {
         let mut all = self.seen;
         PRIOR.into_iter().for_each(|(x, t)| all.add(x, t, PRIOR_WEIGHT));

@@ -71,7 +71,7 @@ impl Updater {
             initial: Some(initial),
             target: Vec::new(),
             measured: None,
-            pace: Pace::new(),
+            pace: Pace::default(),
             matrix,
         })
     }
@@ -91,7 +91,8 @@ impl Updater {
     fn frame(&mut self, light: &[[f64; 3]], out: &mut [f32], seconds: Option<f64>) -> Result<Step> {
         let started = Instant::now();
         let norm = light_norm(light);
-        if light.len() != self.matrix.bands.columns() || !(norm <= MAX_COEFFICIENT) {
+        // A norm within the limit says so of every coefficient; what is not finite has an infinite norm.
+        if light.len() != self.matrix.bands.columns() || norm > MAX_COEFFICIENT {
             self.approximation.check(light)?;
         }
         if out.len() != 3 * self.matrix.rows {

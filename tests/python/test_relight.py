@@ -262,10 +262,9 @@ def test_an_idle_relighter_converges_within_milliseconds(transport, kind, settin
             assert len(frame.columns) == 1
         if frame.converged:
             break
+        assert milliseconds < 1e4 or frames == 1, "a second frame has the time for all"
     assert_exact(relighter, frame)
     np.testing.assert_array_equal(relighter.values, still)
-    if milliseconds == 1e4:
-        assert frames <= 2
     assert len(relighter.step(still).columns) == 0
 
 

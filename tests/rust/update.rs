@@ -443,7 +443,7 @@ fn pace_keeps_time() {
         state ^= state << 17;
         (state >> 11) as f64 / (1u64 << 53) as f64
     };
-    let (mut pace, budget) = (Pace::new(), 2e-3);
+    let (mut pace, budget) = (Pace::default(), 2e-3);
     for slow in [1.0, 2.0, 1.0] {
         let mut times: Vec<f64> = (0..400)
             .map(|_| {
