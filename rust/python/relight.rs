@@ -34,6 +34,11 @@ impl Spare {
         spare.unwrap_or_else(|| vec![0.0; length])
     }
 
+    fn nbytes(&self) -> usize {
+        let spare = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        spare.iter().map(|picture| size_of_val(&picture[..])).sum()
+    }
+
     fn put(&self, picture: Vec<f32>) {
         let mut spare = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if spare.len() < Self::MOST {
@@ -132,10 +137,10 @@ impl Updater {
         self.with(|state| PyArray1::from_slice(py, state.values().as_flattened()).reshape([state.values().len(), 3]))
     }
 
-    /// Bytes beyond M.
+    /// Bytes beyond M, with those of pictures that wait to be written again.
     #[getter]
     fn nbytes(&self) -> usize {
-        self.with(|state| state.nbytes())
+        self.with(|state| state.nbytes()) + self.spare.nbytes()
     }
 }
 

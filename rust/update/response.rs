@@ -70,7 +70,8 @@ impl Response {
 
     /// Bytes beyond M.
     pub fn nbytes(&self) -> usize {
-        self.tiles.iter().map(|sums| size_of_val(&sums[..])).sum::<usize>() + size_of_val(&self.values[..])
+        let sums: usize = self.tiles.iter().map(|sums| size_of_val(&sums[..])).sum();
+        sums + size_of_val(&self.values[..]) + self.stored.len()
     }
 
     /// Applies an update and writes B, rounded once, as rows x 3.

@@ -180,9 +180,9 @@ impl Updater {
         self.approximation.values()
     }
 
-    /// Bytes beyond M: the response, and V~ as choosing knows it.
+    /// Bytes beyond M: the response, V~ as choosing knows it, and V on its grid.
     pub fn nbytes(&self) -> usize {
-        self.response.nbytes() + size_of_val(self.approximation.values())
+        self.response.nbytes() + size_of_val(self.approximation.values()) + size_of_val(&self.target[..])
     }
 }
 

@@ -268,6 +268,15 @@ def test_an_idle_relighter_converges_within_milliseconds(transport, kind, settin
     assert len(relighter.step(still).columns) == 0
 
 
+def test_a_picture_that_is_kept_is_not_written_again(transport):
+    relighter, twin = (dl.Relighter(transport, METHODS["per-band"]) for _ in range(2))
+    kept = [relighter.step(V).values[:] for V in path(6)]
+    for V, values in zip(path(6), kept, strict=True):
+        # The twin's pictures are dropped at once, and their memory is used again.
+        np.testing.assert_array_equal(twin.step(V).values, values)
+    assert len({values.ctypes.data for values in kept}) == 6
+
+
 def test_initial_says_what_the_first_frame_applies(transport):
     V = np.random.default_rng(3).normal(size=(COUNT, 3))
     full, nonlinear, black = (
