@@ -14,8 +14,8 @@
 //! All weights are positive, so nothing rings; negative pixels pass linearly.
 //!
 //! Dropped: the mean of four look-ups, one in each quarter of a target texel. Where the axes of source and target agree
-//! it is the same filter; elsewhere its square turns with the target, which brings the base's flux from within 0.15 to
-//! within 0.05 % under rotation, at more than twice the time.
+//! it is the same filter; elsewhere its square turns with the target, which keeps the base's flux within 0.07 % under
+//! rotation, not 0.16 % (built-in lights at 6 x 64 x 64), at more than twice the time.
 //! A lat-long image means its bilinear interpolation, a cubemap its piecewise-constant texels.
 
 use std::collections::HashMap;
