@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections import deque
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -17,6 +16,12 @@ from .methods import Method
 from .transport import Transport
 
 __all__ = ["Frame", "Relighter"]
+
+# What is done with a frame after its product takes this much less than all of a budget in time.
+_ON_TIME = 0.98
+# Choosing a column costs as much time as reading so many bytes of it, and starting to read it as so many more.
+_CHOOSING_BYTES = 64.0
+_STARTING_BYTES = 8192.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +73,10 @@ class Relighter:
     transport
         M; shared, never changed.
     method
-        How coefficients are chosen: `PerBand(terms=30)`, `Nonlinear`, `Incremental`, `Full`.
+        How coefficients are chosen: `PerBand(terms=30)`, `Nonlinear`, `Incremental`, `Full`. Under a budget in
+        ``milliseconds`` a frame sends what lets it end in time, resets included, as far as the frames before tell;
+        where not even its fixed part (light, choosing, writing the picture) fits, it sends the first column only. The
+        first frame under ``initial="full"`` takes as long as the whole product takes.
     initial
         What the first frame applies: "full", the whole light; "nonlinear", its largest terms within the method's
         budget; None, the method's own first choice from black.
@@ -88,15 +96,20 @@ class Relighter:
         kept = core.kept()
         weight = getattr(method, "weight", "area")
         milliseconds = getattr(method, "milliseconds", None)
-        self._deadline = None if milliseconds is None else _Deadline(milliseconds)
+        timed = milliseconds is not None
+        self._seconds = None if milliseconds is None else _ON_TIME * milliseconds / 1000
         chosen = settings(
             method,
             transport.columns.areas,
             transport.column_norms if weight in ("transport", "cost") else None,
-            transport.column_bytes if weight == "cost" or self._deadline else None,
+            transport.column_bytes if weight == "cost" or timed else None,
             kept.max(axis=0) if getattr(method, "error", None) is not None else None,
-            milliseconds_cost=self._deadline.bytes if self._deadline else None,
+            # The core sets it anew in every frame.
+            milliseconds_cost=0.0 if timed else None,
         )
+        if timed:
+            read = transport.column_bytes
+            chosen["costs"] = read + _CHOOSING_BYTES + np.where(read > 0, _STARTING_BYTES, 0.0)
         self._core = _core.Updater(core, chosen, initial == "full")
 
     def step(self, light: Environment | ArrayLike) -> Frame:
@@ -121,11 +134,9 @@ class Relighter:
         if V.shape != (self.transport.shape[1], 3):
             raise ValueError(f"expected a light of shape ({self.transport.shape[1]}, 3), got {V.shape}")
         projected = time.perf_counter() - started
-        values, (columns, _, resets), bound, converged, choosing, multiplying = self._core.step(V)
+        left = None if self._seconds is None else self._seconds - projected
+        values, (columns, _, resets), bound, converged, choosing, multiplying = self._core.step(V, left)
         seconds = time.perf_counter() - started
-        if self._deadline is not None:
-            self._deadline.learn(seconds, float(self.transport.column_bytes[columns].sum()))
-            self._core.set_cost(self._deadline.bytes)
         return Frame(
             values=values,
             columns=columns,
@@ -152,26 +163,3 @@ class Relighter:
     def nbytes(self) -> int:
         """Bytes beyond M that this relighter holds."""
         return self._core.nbytes
-
-
-class _Deadline:
-    """How many bytes of M a frame may stream to end in time, learnt from the frames before.
-
-    A frame takes a fixed part and a part for each byte; both are held at the slow end of what the last frames showed.
-    """
-
-    def __init__(self, milliseconds: float) -> None:
-        self._seconds = milliseconds / 1000
-        self._fixed: deque[float] = deque(maxlen=64)
-        self._rate = 2e9
-        self.bytes = max(self._seconds - 5e-4, 0.0) * self._rate
-
-    def learn(self, seconds: float, streamed: float) -> None:
-        """Takes in one frame: what it took and what it streamed."""
-        self._fixed.append(seconds - streamed / self._rate)
-        fixed = max(float(np.quantile(self._fixed, 0.9)), 0.0)
-        if streamed > 1e5 and seconds > fixed:
-            # Slower at once, faster by and by.
-            rate = streamed / (seconds - fixed)
-            self._rate = min(rate, self._rate) if rate < self._rate else self._rate + 0.05 * (rate - self._rate)
-        self.bytes = max(self._seconds - fixed, 0.0) * self._rate

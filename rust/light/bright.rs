@@ -1,5 +1,7 @@
 //! Bright pixels, taken out of a map as small squares of known flux, and spread over the texels that they cover.
 
+use std::ops::Range;
+
 use super::cubemap::{direction_to_face_uv, face_point, rectangle_solid_angle};
 use super::environment::Layout;
 use super::lookup::{lat_long_area, lat_long_direction};
@@ -19,6 +21,16 @@ pub struct Square {
     width: f64,
     /// Its radiance times its solid angle.
     flux: [f64; 3],
+}
+
+/// A square on a face of the target, in texels.
+pub struct Placed {
+    pub face: usize,
+    x: [f64; 2],
+    y: [f64; 2],
+    /// The texels that it touches.
+    pub rows: Range<usize>,
+    columns: Range<usize>,
 }
 
 /// Splits a map, for targets of `size`, into what lies below a cap, pixel by pixel, and the squares above it.
@@ -90,15 +102,8 @@ impl Square {
         Square { direction, width, flux: radiance.map(|value| value * area) }
     }
 
-    /// Adds the rotated and scaled square to a cubemap, keeping its flux; a square across an edge is moved inside.
-    pub fn spread(
-        &self,
-        size: usize,
-        rotation: &[[f64; 3]; 3],
-        scale: f64,
-        inverse_areas: &[f64],
-        radiance: &mut [[f32; 3]],
-    ) {
+    /// Where the rotated square lies on a cubemap; one across an edge is moved inside.
+    pub fn place(&self, size: usize, rotation: &[[f64; 3]; 3]) -> Placed {
         let d = self.direction;
         let (face, s, t) = direction_to_face_uv(rotation.map(|row| row[0] * d[0] + row[1] * d[1] + row[2] * d[2]));
         let half = (self.width * stretch(s, t) * size as f64 / 4.0).min(size as f64 / 2.0);
@@ -106,12 +111,26 @@ impl Square {
             let centre = ((coordinate + 1.0) * 0.5 * size as f64).clamp(half, size as f64 - half);
             [centre - half, centre + half]
         };
+        let texels = |[lo, hi]: [f64; 2]| lo as usize..(hi.ceil() as usize).min(size);
         let (x, y) = (extent(s), extent(t));
-        for row in y[0] as usize..(y[1].ceil() as usize).min(size) {
-            for column in x[0] as usize..(x[1].ceil() as usize).min(size) {
-                let texel = row * size + column;
-                let share = overlap(x, column) * overlap(y, row) * scale * inverse_areas[texel];
-                let target = &mut radiance[face * size * size + texel];
+        Placed { face, x, y, rows: texels(y), columns: texels(x) }
+    }
+
+    /// Adds the square, scaled, to the rows `own` of its face, `texels`. Over all rows its flux is kept.
+    pub fn spread(
+        &self,
+        placed: &Placed,
+        own: Range<usize>,
+        scale: f64,
+        inverse_areas: &[f64],
+        texels: &mut [[f32; 3]],
+    ) {
+        let size = texels.len() / own.len();
+        for row in placed.rows.start.max(own.start)..placed.rows.end.min(own.end) {
+            let share = overlap(placed.y, row) * scale;
+            for column in placed.columns.clone() {
+                let share = share * overlap(placed.x, column) * inverse_areas[row * size + column];
+                let target = &mut texels[(row - own.start) * size + column];
                 (0..3).for_each(|c| target[c] += (self.flux[c] * share) as f32);
             }
         }

@@ -2,16 +2,20 @@
 //!
 //! A map is kept whole. For each cubemap size that is asked for it is prepared once, in two parts that add up to it:
 //!
-//! - the *base*, radiance clipped at a cap, averaged exactly over the texels of a cubemap twice as fine (and once more
-//!   over those of the size itself). A target texel is the mean over its four quarters, weighted by solid angle, of the
-//!   base looked up bilinearly; where the source's texels are smaller on the sphere than the target's (up to 5 times:
-//!   corners that turn to a face's centre) the coarser level is blended in. Unrotated, quarters meet source texels and
-//!   the mean is the exact box average; nothing jumps when a rotation sets in.
+//! - the *base*, radiance clipped at a cap, as its means by solid angle over squares of one texel of the target, half a
+//!   texel apart, and over squares of two texels, one apart. A target texel is one bilinear look-up at its centre; where
+//!   the source's texels are smaller on the sphere than the target's (up to 5 times: corners that turn to a face's
+//!   centre) the wide squares are blended in. Unrotated, a centre meets a square, which is the texel, and its mean is
+//!   the exact box average; nothing jumps when a rotation sets in.
 //! - the *bright* rest above the cap, a few thousand pixels at most, each spread as a small square over the texels it
 //!   covers with weights that sum to 1. Their flux, Σ L dω, is therefore kept under every rotation, and a sun that is
 //!   smaller than a texel neither flickers nor dims.
 //!
 //! All weights are positive, so nothing rings; negative pixels pass linearly.
+//!
+//! Dropped: the mean of four look-ups, one in each quarter of a target texel. Where the axes of source and target agree
+//! it is the same filter; elsewhere its square turns with the target, which keeps the base's flux within 0.07 % under
+//! rotation, not 0.16 % (built-in lights at 6 x 64 x 64), at more than twice the time.
 //! A lat-long image means its bilinear interpolation, a cubemap its piecewise-constant texels.
 
 use std::collections::HashMap;

@@ -2,11 +2,12 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
+use numpy::ndarray::ArrayView2;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
 
-use crate::error::Result;
-use crate::update::{Budget, Initial, Updater as Core};
+use crate::error::{Error, Result};
+use crate::update::{Initial, Updater as Core};
 
 use super::compute;
 use super::transport::Transport;
@@ -17,6 +18,57 @@ use super::update::{SettingsItems, UpdateArrays, coefficients, update_arrays};
 pub(crate) struct Updater {
     state: Mutex<Core>,
     rows: usize,
+    spare: Spare,
+}
+
+/// Pictures that nobody looks at any more, for the next frames to write: no page of them is new.
+#[derive(Clone, Default)]
+struct Spare(Arc<Mutex<Vec<Vec<f32>>>>);
+
+impl Spare {
+    /// One is drawn while the next is made.
+    const MOST: usize = 2;
+
+    fn take(&self, length: usize) -> Vec<f32> {
+        let spare = self.0.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        spare.unwrap_or_else(|| vec![0.0; length])
+    }
+
+    fn nbytes(&self) -> usize {
+        let spare = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        spare.iter().map(|picture| size_of_val(&picture[..])).sum()
+    }
+
+    fn put(&self, picture: Vec<f32>) {
+        let mut spare = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if spare.len() < Self::MOST {
+            spare.push(picture);
+        }
+    }
+}
+
+/// The owner of a frame's array: once the array is gone, its memory is spare.
+#[pyclass(frozen, module = "deltalux._core")]
+struct Picture {
+    values: Vec<f32>,
+    spare: Spare,
+}
+
+impl Drop for Picture {
+    fn drop(&mut self) {
+        self.spare.put(std::mem::take(&mut self.values));
+    }
+}
+
+impl Picture {
+    /// The picture as an array of its own, (rows, 3).
+    fn array<'py>(self, py: Python<'py>, rows: usize) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        let owner = Bound::new(py, self)?;
+        let view = ArrayView2::from_shape((rows, 3), &owner.get().values);
+        let view = view.map_err(|error| Error::input(error.to_string()))?;
+        // SAFETY: the owner lives as long as the array, and until then nothing else touches its values.
+        Ok(unsafe { PyArray2::borrow_from_array(&view, owner.clone().into_any()) })
+    }
 }
 
 /// B (rows, 3), the update, the bound in three colours, converged, seconds of choosing and of multiplying.
@@ -39,19 +91,27 @@ impl Updater {
         let initial = if full { Initial::Full } else { Initial::Black };
         let rows = matrix.rows;
         let state = compute(py, || Core::new(Arc::clone(&matrix), settings, initial))?;
-        Ok(Updater { state: Mutex::new(state), rows })
+        Ok(Updater { state: Mutex::new(state), rows, spare: Spare::default() })
     }
 
-    /// One frame towards `light`, (columns, 3) float64.
-    fn step<'py>(&self, py: Python<'py>, light: PyReadonlyArray2<'py, f64>) -> PyResult<Stepped<'py>> {
+    /// One frame towards `light`, (columns, 3) float64; `seconds`: the time for it, where that is the budget.
+    fn step<'py>(
+        &self,
+        py: Python<'py>,
+        light: PyReadonlyArray2<'py, f64>,
+        seconds: Option<f64>,
+    ) -> PyResult<Stepped<'py>> {
         let light = coefficients(&light)?;
-        let rows = self.rows;
-        let (out, step) = compute(py, || {
-            let mut out = vec![0f32; 3 * rows];
-            let step = self.with(|state| state.step(light, &mut out))?;
-            Ok((out, step))
+        let (picture, step) = compute(py, || {
+            let mut picture = Picture { values: self.spare.take(3 * self.rows), spare: self.spare.clone() };
+            let out = &mut picture.values;
+            let step = self.with(|state| match seconds {
+                Some(seconds) => state.step_within(light, out, seconds),
+                None => state.step(light, out),
+            })?;
+            Ok((picture, step))
         })?;
-        let values = out.into_pyarray(py).reshape([rows, 3])?;
+        let values = picture.array(py, self.rows)?;
         let update = update_arrays(py, step.update)?;
         Ok((values, update, step.bound, step.converged, step.choosing, step.multiplying))
     }
@@ -63,7 +123,7 @@ impl Updater {
         let out = compute(py, || -> Result<Vec<f32>> {
             if shown.len() != 3 * rows {
                 let found = shown.len();
-                return Err(crate::error::Error::input(format!("expected {rows} x 3 values, got {found}")));
+                return Err(Error::input(format!("expected {rows} x 3 values, got {found}")));
             }
             let mut out = vec![0f32; 3 * rows];
             self.with(|state| state.bounds(&shown, &mut out))?;
@@ -77,15 +137,10 @@ impl Updater {
         self.with(|state| PyArray1::from_slice(py, state.values().as_flattened()).reshape([state.values().len(), 3]))
     }
 
-    /// Sets the budget of later frames, in the unit of the columns' costs.
-    fn set_cost(&self, cost: f64) -> PyResult<()> {
-        Ok(self.with(|state| state.set_budget(Budget::Cost(cost)))?)
-    }
-
-    /// Bytes beyond M.
+    /// Bytes beyond M, with those of pictures that wait to be written again.
     #[getter]
     fn nbytes(&self) -> usize {
-        self.with(|state| state.nbytes())
+        self.with(|state| state.nbytes()) + self.spare.nbytes()
     }
 }
 

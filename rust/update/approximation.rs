@@ -26,9 +26,12 @@
 //! # Ok::<(), _core::error::Error>(())
 //! ```
 //!
-//! Two rules where the papers are silent. A band is only listed as reset if it holds anything to forget. A budget of
+//! Three rules where the papers are silent. A band is only listed as reset if it holds anything to forget. A budget of
 //! nothing changes nothing: a reset without terms would only lose light (`Nonlinear` and `Linear` excepted: their values
-//! are always exactly their terms).
+//! are always exactly their terms). And as there are no images of bands (`response.rs`), a reset streams every column
+//! that its band holds: a budget in cost pays for them before it pays for terms. A reset that does not fit is not made,
+//! and its band goes on incrementally; one that fits sends the light in those columns, which then costs nothing more.
+//! (Where all that is held is reset, sums start from zero, and only terms cost.)
 
 use std::ops::Range;
 
@@ -116,7 +119,7 @@ pub struct Approximation {
 }
 
 /// Coefficients and weights up to these limits neither overflow a key nor the square of one.
-const MAX_COEFFICIENT: f64 = 1e90;
+pub(super) const MAX_COEFFICIENT: f64 = 1e90;
 const MAX_WEIGHT: f64 = 1e30;
 
 /// What a frame does: which bands start anew, and which candidates are sent.
@@ -135,9 +138,14 @@ impl Approximation {
 
     /// Brings the values nearer to `target`, within the budget. An error leaves everything as it was.
     pub fn step(&mut self, target: &[[f64; 3]]) -> Result<Update> {
-        check_coefficients(target, self.bands.columns())?;
+        self.check(target)?;
+        Ok(self.follow(target))
+    }
+
+    /// `step`, for light that has been checked.
+    pub(super) fn follow(&mut self, target: &[[f64; 3]]) -> Update {
         let choice = self.choose(target);
-        Ok(self.send(target, choice))
+        self.send(target, choice)
     }
 
     /// `SetupBands()` of Fig. 6.1: the mode of every band and the list of its columns.
@@ -155,7 +163,7 @@ impl Approximation {
         };
 
         let budget = &settings.budget;
-        let by_key = |anew: Vec<bool>, budget| Choice { sent: select::choose(&frame, &anew, budget), anew };
+        let by_key = |anew: Vec<bool>, budget: &Budget| select::choose(&frame, anew, budget);
         match settings.method {
             Method::Full => by_key(vec![false; bands.count()], &Budget::Terms(usize::MAX)),
             Method::Nonlinear => by_key(vec![true; bands.count()], budget),
@@ -183,7 +191,8 @@ impl Approximation {
             }
         }
 
-        choice.sent.sort_unstable();
+        // A few by their keys, and perhaps a band's in order: a stable sort merges such runs.
+        choice.sent.sort();
         update.terms.reserve_exact(choice.sent.len());
         for candidate in choice.sent {
             let column = candidate as usize / self.settings.channels.lanes();
@@ -214,7 +223,7 @@ impl Approximation {
     /// Sets the budget of later frames.
     pub fn set_budget(&mut self, budget: Budget) -> Result<()> {
         let before = std::mem::replace(&mut self.settings.budget, budget);
-        self.settings.check(&self.bands).inspect_err(|_| self.settings.budget = before)
+        self.settings.check_choice(&self.bands).inspect_err(|_| self.settings.budget = before)
     }
 
     /// Refuses light that is not finite, or of the wrong length.
@@ -242,6 +251,11 @@ impl Settings {
         if !self.costs.is_empty() {
             check_numbers("costs", &self.costs, bands.columns(), MAX_WEIGHT)?;
         }
+        self.check_choice(bands)
+    }
+
+    /// The budget and the method.
+    fn check_choice(&self, bands: &Bands) -> Result<()> {
         match &self.budget {
             Budget::Terms(_) => {}
             Budget::Cost(_) if self.costs.is_empty() => {

@@ -5,6 +5,8 @@
 //! allocation, term by term; `exhaustive` tries all combinations. `fixed` is the static threshold that the thesis
 //! rejects, for comparison.
 
+use std::borrow::Cow;
+
 use crate::basis::Bands;
 use crate::error::{Error, Result};
 
@@ -57,36 +59,44 @@ pub(super) fn simple(frame: &Frame, norm: Norm) -> Vec<bool> {
 /// The candidates of a band in one mode, largest first, and what is left once the first n are sent.
 struct Hand {
     cards: Vec<Keyed>,
+    /// Sent as well, whatever n is: where a budget in cost pays for the reset, the columns that it streams.
+    paid: Vec<u32>,
     /// The band's error after n cards: `cards.len() + 1` numbers, additive over bands.
     left: Vec<f64>,
-    /// The cost of the first n cards, likewise.
+    /// The cost of the first n cards, and of the reset, likewise.
     spent: Vec<f64>,
 }
 
 /// Both modes of a band.
 struct Deck {
     hands: [Hand; 2],
-    /// Whether a reset has anything to forget; if not, the two hands are the same.
+    /// Whether a reset has anything to forget, and fits into the budget; if not, it is not made.
     held: bool,
 }
 
 impl Hand {
     fn new(frame: &Frame, band: usize, anew: bool, budget: &Budget, norm: Norm) -> Hand {
+        let streams = anew && matches!(budget, Budget::Cost(_));
+        let paid: Vec<u32> = if streams { frame.paid(band).collect() } else { Vec::new() };
+        let mut keys = Cow::from(frame.keys(band, anew));
+        for &candidate in &paid {
+            keys.to_mut()[candidate as usize - frame.range(band).start] = 0.0;
+        }
         let mut largest = Largest::new(most_terms(frame, band, budget));
-        largest.offer(frame.range(band).start, frame.keys(band, anew));
+        largest.offer(frame.range(band).start, &keys);
         let cards = largest.sorted();
 
         // What is never sent comes first, then the smallest card.
-        let beyond = frame.error_beyond(band, anew, norm, &cards);
+        let beyond = frame.error_beyond(band, anew, norm, &keys, &cards);
         let mut left = vec![beyond; cards.len() + 1];
         for n in (0..cards.len()).rev() {
             left[n] = left[n + 1] + frame.error(cards[n].candidate, anew, norm);
         }
-        let mut spent = vec![0.0; cards.len() + 1];
+        let mut spent = vec![if streams { frame.held_cost(band) } else { 0.0 }; cards.len() + 1];
         for n in 0..cards.len() {
             spent[n + 1] = spent[n] + frame.cost(cards[n].candidate);
         }
-        Hand { cards, left, spent }
+        Hand { cards, paid, left, spent }
     }
 }
 
@@ -108,16 +118,16 @@ impl Deck {
     fn all(frame: &Frame, budget: &Budget, norm: Norm) -> Vec<Deck> {
         let deck = |band: usize| Deck {
             hands: [false, true].map(|anew| Hand::new(frame, band, anew, budget, norm)),
-            held: frame.values[frame.bands.range(band)].iter().any(|value| *value != [0.0; 3]),
+            held: frame.band_held(band),
         };
         (0..frame.bands.count()).map(deck).collect()
     }
 
     /// The better mode for n cards: 1 is a reset. Without a card a band stays as it is, so that no reset leaves it
-    /// black; only where the light itself is black does a reset need none.
+    /// black; only where the light itself is black does a reset need none, unless the reset itself costs something.
     fn mode(&self, n: usize) -> usize {
         let [incremental, anew] = &self.hands;
-        let allowed = self.held && (n > 0 || anew.cards.is_empty());
+        let allowed = self.held && (n > 0 || (anew.cards.is_empty() && anew.spent(0) == 0.0));
         (allowed && anew.left(n) < incremental.left(n)) as usize
     }
 
@@ -148,30 +158,40 @@ impl Hand {
 /// A band's error is that of its better mode for the cards it has; the net gain of a card so includes a change of mode.
 /// With a handful of bands a scan for the largest gain is as fast as a heap.
 pub(super) fn deal(frame: &Frame, budget: &Budget, norm: Norm) -> Choice {
-    let decks = Deck::all(frame, budget, norm);
-    let mut dealt = vec![0; decks.len()];
-    for card in 0.. {
+    let mut decks = Deck::all(frame, budget, norm);
+    let (mut dealt, mut cards) = (vec![0; decks.len()], 0);
+    loop {
         // The band whose error falls most; of equals the coarsest.
         let gains = decks.iter().zip(&dealt).enumerate();
         let gains = gains.filter_map(|(band, (deck, &n))| deck.gain(n).map(|gain| (band, gain)));
         let Some((band, _)) = gains.reduce(|best, next| if next.1 > best.1 { next } else { best }) else { break };
 
         dealt[band] += 1;
-        let spent = || decks.iter().zip(&dealt).map(|(deck, &n)| deck.hand(n).spent(n)).sum::<f64>();
-        if !affordable(budget, card + 1, spent) {
-            dealt[band] -= 1;
+        let of_all = |cost: fn(&Hand, usize) -> f64| {
+            decks.iter().zip(&dealt).map(|(deck, &n)| cost(deck.hand(n), n)).sum::<f64>()
+        };
+        if affordable(budget, cards + 1, || of_all(|hand, _| hand.spent(0)), || of_all(Hand::spent)) {
+            cards += 1;
+            continue;
+        }
+        dealt[band] -= 1;
+        // Where it is the reset that does not fit, the band goes on without.
+        let deck = &mut decks[band];
+        let resets = deck.mode(dealt[band]) == 0 && deck.mode(dealt[band] + 1) == 1;
+        if !(resets && deck.hands[1].spent(0) > 0.0) {
             break;
         }
+        deck.held = false;
     }
     let modes: Vec<usize> = decks.iter().zip(&dealt).map(|(deck, &n)| deck.mode(n)).collect();
     collect(&decks, &modes, &dealt)
 }
 
-/// Whether so many cards of so much cost are within the budget; the first card always is.
-fn affordable(budget: &Budget, cards: usize, spent: impl FnOnce() -> f64) -> bool {
+/// Whether so many cards of so much cost are within the budget; the first card always is, if no reset costs anything.
+fn affordable(budget: &Budget, cards: usize, resets: impl Fn() -> f64, spent: impl Fn() -> f64) -> bool {
     match *budget {
         Budget::Terms(terms) => cards <= terms,
-        Budget::Cost(cost) => cards <= 1 || spent() <= cost,
+        Budget::Cost(cost) => (cards <= 1 && resets() == 0.0) || spent() <= cost,
         Budget::Error { .. } => true,
     }
 }
@@ -184,6 +204,10 @@ pub(super) fn exhaustive(frame: &Frame, budget: &Budget, norm: Norm) -> Choice {
         let mut modes = vec![0; decks.len()];
         for (bit, &band) in free.iter().rev().enumerate() {
             modes[band] = combination >> bit & 1;
+        }
+        let resets: f64 = decks.iter().zip(&modes).map(|(deck, &mode)| deck.hands[mode].spent(0)).sum();
+        if matches!(budget, Budget::Cost(cost) if resets > *cost) {
+            return (f64::INFINITY, modes, vec![0; decks.len()]);
         }
         let dealt = merge(&decks, &modes, budget);
         let hands = decks.iter().zip(modes.iter().zip(&dealt));
@@ -203,8 +227,9 @@ fn merge(decks: &[Deck], modes: &[usize], budget: &Budget) -> Vec<usize> {
         let next = (0..hands.len()).filter_map(|band| hands[band].cards.get(dealt[band]).map(|card| (band, card)));
         let Some((band, _)) = next.min_by(|a, b| by_key(a.1, b.1)) else { break };
         dealt[band] += 1;
+        let resets = || hands.iter().map(|hand| hand.spent(0)).sum::<f64>();
         let spent = || hands.iter().zip(&dealt).map(|(hand, &n)| hand.spent(n)).sum::<f64>();
-        if !affordable(budget, card + 1, spent) {
+        if !affordable(budget, card + 1, resets, spent) {
             dealt[band] -= 1;
             break;
         }
@@ -216,6 +241,7 @@ fn collect(decks: &[Deck], modes: &[usize], dealt: &[usize]) -> Choice {
     let mut sent = Vec::new();
     for (deck, (&mode, &n)) in decks.iter().zip(modes.iter().zip(dealt)) {
         sent.extend(deck.hands[mode].cards.iter().take(n).map(|card| card.candidate));
+        sent.extend(&deck.hands[mode].paid);
     }
     Choice { anew: modes.iter().map(|&mode| mode == 1).collect(), sent }
 }

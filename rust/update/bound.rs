@@ -19,7 +19,7 @@ use rayon::prelude::*;
 use crate::basis::Bands;
 use crate::transport::{Tile, TransportMatrix};
 
-use super::grid::{above, norm_value};
+use super::grid::{above, norm_of_squares, norm_value, squares};
 
 /// For each band and colour a norm of coefficients, never below the true one.
 pub type BandNorms = Vec<[f64; 3]>;
@@ -28,17 +28,25 @@ pub type BandNorms = Vec<[f64; 3]>;
 const ROUNDING: f64 = 1.0 / (1u64 << 24) as f64;
 const SMALLEST: f64 = f32::MIN_POSITIVE as f64 * ROUNDING;
 
-/// The norms of coefficients in each band.
-pub fn band_norms(bands: &Bands, coefficients: impl Fn(usize) -> [f64; 3]) -> BandNorms {
-    let norm = |band: usize| {
-        let mut squares = [0.0; 3];
-        for column in bands.range(band) {
-            let colours = coefficients(column);
-            squares.iter_mut().zip(colours).for_each(|(square, x)| *square += x * x);
-        }
-        squares.map(|square| above(square.sqrt()))
-    };
-    (0..bands.count()).map(norm).collect()
+/// What a bound needs to know of the light and of what has been applied of it.
+pub struct Measured {
+    /// V - V~ in each band.
+    pub remaining: BandNorms,
+    /// V in each band.
+    pub light: BandNorms,
+    /// The largest norm of a colour of V~.
+    pub applied: f64,
+}
+
+impl Measured {
+    /// One pass over `light` V and `values` V~.
+    pub fn new(bands: &Bands, light: &[[f64; 3]], values: &[[f64; 3]]) -> Measured {
+        let of_band = |band: usize| squares(&light[bands.range(band)], &values[bands.range(band)]);
+        let sums: Vec<_> = (0..bands.count()).map(of_band).collect();
+        let norms = |which: usize| sums.iter().map(|sums| sums[which].map(|square| above(square.sqrt()))).collect();
+        let applied = norm_of_squares(sums.iter().map(|sums| sums[2]));
+        Measured { remaining: norms(0), light: norms(1), applied }
+    }
 }
 
 /// The largest norms of a row in each band, tile by tile: what the one number needs.
@@ -59,7 +67,7 @@ impl Bound {
     }
 
     /// No receiver's red, green or blue is further off than this.
-    pub fn largest(&self, remaining: &BandNorms, light: &BandNorms) -> [f64; 3] {
+    pub fn largest(&self, Measured { remaining, light, .. }: &Measured) -> [f64; 3] {
         let mut largest = [0.0f64; 3];
         for bands in &self.tiles {
             for (colour, largest) in largest.iter_mut().enumerate() {
@@ -77,7 +85,8 @@ impl Bound {
 }
 
 /// The bound of every receiver for the picture `shown`, rows x 3, into `out` of the same form.
-pub fn bound_rows(matrix: &TransportMatrix, remaining: &BandNorms, light: &BandNorms, shown: &[f32], out: &mut [f32]) {
+pub fn bound_rows(matrix: &TransportMatrix, measured: &Measured, shown: &[f32], out: &mut [f32]) {
+    let Measured { remaining, light, .. } = measured;
     debug_assert!(shown.len() == 3 * matrix.rows && out.len() == shown.len());
     let bands = matrix.bands.count();
     let rows = 3 * matrix.tile_rows.max(1);

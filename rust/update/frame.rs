@@ -29,6 +29,9 @@ pub(super) struct Keys {
     anew: Vec<f64>,
 }
 
+/// Above any sum of least keys, and below any other that matters.
+const NOTHING: f64 = 1e-300;
+
 /// weight * magnitude, but never zero where there is a change: a column of weight zero is sent last, not never.
 #[inline(always)]
 fn key(weight: f64, magnitude: f64) -> f64 {
@@ -124,6 +127,27 @@ impl Frame<'_> {
         self.costs.get(candidate as usize / lanes).map_or(0.0, |cost| cost / lanes as f64)
     }
 
+    /// Whether a candidate's column holds anything: a reset of its band has to take it out, and so to stream it.
+    pub fn held(&self, candidate: u32) -> bool {
+        self.values[candidate as usize / self.channels.lanes()] != [0.0; 3]
+    }
+
+    /// Whether a band holds anything.
+    pub fn band_held(&self, band: usize) -> bool {
+        self.values[self.bands.range(band)].iter().any(|value| *value != [0.0; 3])
+    }
+
+    /// The cost of all columns that a band holds.
+    pub fn held_cost(&self, band: usize) -> f64 {
+        self.range(band).map(|candidate| candidate as u32).filter(|&c| self.held(c)).map(|c| self.cost(c)).sum()
+    }
+
+    /// The candidates whose columns the reset of a band streams anyway, as far as there is light in them.
+    pub fn paid(&self, band: usize) -> impl Iterator<Item = u32> {
+        let lit = self.range(band).zip(self.keys(band, true)).filter(|(_, key)| **key > 0.0);
+        lit.map(|(candidate, _)| candidate as u32).filter(|&candidate| self.held(candidate))
+    }
+
     /// What a candidate adds to the error for as long as it is not sent, in the weights of the keys: additive.
     pub fn error(&self, candidate: u32, anew: bool, norm: Norm) -> f64 {
         match norm {
@@ -135,11 +159,11 @@ impl Frame<'_> {
         }
     }
 
-    /// The error of a band of which only `cards`, its largest in order, are sent.
+    /// The error of a band of which, of the candidates whose `keys` are not zero, only `cards`, the largest, are sent.
     ///
     /// It is summed up, never taken from the whole band's: that would cancel where the largest are very large.
-    pub fn error_beyond(&self, band: usize, anew: bool, norm: Norm, cards: &[Keyed]) -> f64 {
-        let (range, keys) = (self.range(band), self.keys(band, anew));
+    pub fn error_beyond(&self, band: usize, anew: bool, norm: Norm, keys: &[f64], cards: &[Keyed]) -> f64 {
+        let range = self.range(band);
         let Some(least) = cards.last() else { return 0.0 };
         if cards.len() == range.len() {
             return 0.0;
@@ -153,7 +177,7 @@ impl Frame<'_> {
             }
             Norm::L2 => {
                 let all = range.zip(keys).map(|(candidate, &key)| Keyed { key, candidate: candidate as u32 });
-                let unlisted = all.filter(|card| by_key(least, card).is_lt());
+                let unlisted = all.filter(|card| card.key > 0.0 && by_key(least, card).is_lt());
                 unlisted.map(|card| self.error(card.candidate, anew, norm)).sum()
             }
         }
@@ -161,10 +185,13 @@ impl Frame<'_> {
 
     /// |L^new| (`anew`) or |L^new - L~| of a band, in the weights of the keys; the square of it for L2.
     ///
+    /// Zero for a band whose columns are all worth nothing: the least keys, which only put them last, are no error.
     /// Area is constant in a band of wavelets, so that area weights change nothing in the comparison of the two.
     pub fn norm(&self, band: usize, anew: bool, norm: Norm) -> f64 {
         match norm {
-            Norm::L1 => sum_below(self.keys(band, anew), f64::INFINITY),
+            Norm::L1 => {
+                Some(sum_below(self.keys(band, anew), f64::INFINITY)).filter(|sum| *sum > NOTHING).unwrap_or(0.0)
+            }
             Norm::L2 => {
                 let columns = self.bands.range(band);
                 let light = self.target[columns.clone()].iter().zip(&self.values[columns.clone()]);

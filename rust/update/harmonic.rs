@@ -19,7 +19,7 @@ const PASSES: i32 = 16;
 pub(super) fn choose(frame: &Frame, budget: &Budget, tolerance: f64) -> Choice {
     let anew = vec![false; frame.bands.count()];
     let mut sent = order(frame, tolerance);
-    sent.truncate(select::prefix(frame, &anew, budget, &sent));
+    sent.truncate(select::prefix(frame, &anew, budget, 0.0, &sent));
     Choice { anew, sent }
 }
 

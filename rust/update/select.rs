@@ -17,8 +17,8 @@ use super::frame::Frame;
 pub enum Budget {
     /// So many candidates.
     Terms(usize),
-    /// So much of `Settings::costs`: candidates are sent while their costs sum to at most this; the first that
-    /// costs anything is sent even if it costs more, so that no column waits for ever.
+    /// So much of `Settings::costs`: candidates are sent while their costs, and those of resets, sum to at most this;
+    /// the first that costs anything is sent even if it costs more, so that no column waits for ever.
     Cost(f64),
     /// Until, in every colour, the sum over bands of `factors[band] * |what is still unsent in the band|_2` is at most
     /// `tolerance`. With the largest row norms of M as factors this bounds the error of every receiver.
@@ -110,28 +110,69 @@ impl Largest {
     }
 }
 
-/// The candidates of all bands in order of their keys, as many as the budget allows; `anew` tells the reset bands.
-pub(super) fn choose(frame: &Frame, anew: &[bool], budget: &Budget) -> Vec<u32> {
+/// The resets that a budget in cost can pay for.
+struct Resets {
+    anew: Vec<bool>,
+    /// What they cost: the columns that their bands hold are streamed once more, to be taken out...
+    cost: f64,
+    /// ...unless nothing else is held: then all sums start from zero, and nothing needs to be taken out.
+    streams: bool,
+}
+
+impl Resets {
+    /// Coarse bands first: a reset that does not fit into what is left is not made.
+    fn within(frame: &Frame, mut anew: Vec<bool>, budget: &Budget) -> Resets {
+        let Budget::Cost(budget) = *budget else { return Resets { anew, cost: 0.0, streams: false } };
+        if (0..anew.len()).all(|band| anew[band] || !frame.band_held(band)) {
+            return Resets { anew, cost: 0.0, streams: false };
+        }
+        let mut cost = 0.0;
+        for band in (0..anew.len()).filter(|&band| anew[band]).collect::<Vec<_>>() {
+            let own = frame.held_cost(band);
+            anew[band] = cost + own <= budget;
+            cost += if anew[band] { own } else { 0.0 };
+        }
+        Resets { anew, cost, streams: true }
+    }
+
+    /// Whether a candidate costs nothing more, as its column is streamed by a reset.
+    fn pays(&self, frame: &Frame, candidate: u32) -> bool {
+        self.streams && frame.held(candidate) && self.anew[frame.band(candidate)]
+    }
+
+    /// All candidates that cost nothing more: what a reset takes out is replaced by the light, not by black.
+    fn paid(&self, frame: &Frame) -> Vec<u32> {
+        let bands = (0..self.anew.len()).filter(|&band| self.streams && self.anew[band]);
+        bands.flat_map(|band| frame.paid(band)).collect()
+    }
+}
+
+/// The candidates of all bands in order of their keys, as many as the budget allows; `anew` tells the bands to reset.
+pub(super) fn choose(frame: &Frame, anew: Vec<bool>, budget: &Budget) -> Choice {
+    let resets = Resets::within(frame, anew, budget);
     let largest = |count: usize| {
         let mut largest = Largest::new(count);
-        for (band, &anew) in anew.iter().enumerate() {
+        for (band, &anew) in resets.anew.iter().enumerate() {
             largest.offer(frame.range(band).start, frame.keys(band, anew));
         }
         largest
     };
-    let candidates = |keyed: Vec<Keyed>| keyed.into_iter().map(|keyed| keyed.candidate).collect::<Vec<u32>>();
+    let candidates = |keyed: Vec<Keyed>| keyed.into_iter().map(|keyed| keyed.candidate);
     if let Budget::Terms(terms) = *budget {
-        return candidates(largest(terms).finish());
+        return Choice { sent: candidates(largest(terms).finish()).collect(), anew: resets.anew };
     }
 
     // Where the budget is not a number of terms, look at more and more of them until it ends among them.
     let mut count = 256;
     loop {
-        let mut order = candidates(largest(count).sorted());
-        let kept = prefix(frame, anew, budget, &order);
-        if kept < order.len() || order.len() < count {
-            order.truncate(kept);
-            return order;
+        let listed = largest(count).sorted();
+        let all = listed.len() < count;
+        let mut sent: Vec<u32> = candidates(listed).filter(|&candidate| !resets.pays(frame, candidate)).collect();
+        let kept = prefix(frame, &resets.anew, budget, resets.cost, &sent);
+        if kept < sent.len() || all {
+            sent.truncate(kept);
+            sent.extend(resets.paid(frame));
+            return Choice { anew: resets.anew, sent };
         }
         count = count.saturating_mul(4);
     }
@@ -141,17 +182,16 @@ pub(super) fn choose(frame: &Frame, anew: &[bool], budget: &Budget) -> Vec<u32> 
 pub(super) fn first(frame: &Frame, budget: &Budget) -> Choice {
     let anew = vec![true; frame.bands.count()];
     let mut sent: Vec<u32> = (0..frame.candidates() as u32).collect();
-    sent.truncate(prefix(frame, &anew, budget, &sent));
+    sent.truncate(prefix(frame, &anew, budget, 0.0, &sent));
     sent.retain(|&candidate| frame.change(candidate, true) != [0.0; 3]);
     Choice { anew, sent }
 }
 
-/// How many of the candidates in `order` the budget allows.
-pub(super) fn prefix(frame: &Frame, anew: &[bool], budget: &Budget, order: &[u32]) -> usize {
+/// How many of the candidates in `order` the budget allows, where so much of a budget in cost is spent already.
+pub(super) fn prefix(frame: &Frame, anew: &[bool], budget: &Budget, mut spent: f64, order: &[u32]) -> usize {
     match budget {
         Budget::Terms(terms) => order.len().min(*terms),
         Budget::Cost(budget) => {
-            let mut spent = 0.0;
             let fits = |&&candidate: &&u32| {
                 let first = spent == 0.0;
                 spent += frame.cost(candidate);

@@ -10,10 +10,11 @@ use std::time::Instant;
 use crate::error::{Error, Result};
 use crate::transport::TransportMatrix;
 
-use super::approximation::{Approximation, Settings};
-use super::bound::{BandNorms, Bound, band_norms, bound_rows};
+use super::approximation::{Approximation, MAX_COEFFICIENT, Settings};
+use super::bound::{Bound, Measured, bound_rows};
 use super::change::{Term, Update};
 use super::grid::{Grid, RowNorm, light_norm};
+use super::pace::Pace;
 use super::response::Response;
 use super::select::Budget;
 
@@ -52,8 +53,11 @@ pub struct Updater {
     bound: Bound,
     grid: Option<Grid>,
     initial: Option<Initial>,
-    /// Band norms of what remains and of the light itself, of the last step.
-    norms: Option<(BandNorms, BandNorms)>,
+    /// The light on its grid.
+    target: Vec<[f64; 3]>,
+    /// After the last step.
+    measured: Option<Measured>,
+    pace: Pace,
 }
 
 impl Updater {
@@ -65,37 +69,66 @@ impl Updater {
             bound: Bound::new(&matrix),
             grid: None,
             initial: Some(initial),
-            norms: None,
+            target: Vec::new(),
+            measured: None,
+            pace: Pace::default(),
             matrix,
         })
     }
 
     /// Moves towards `light` (columns x 3) and writes B (rows x 3). A light that is refused leaves everything as it was.
     pub fn step(&mut self, light: &[[f64; 3]], out: &mut [f32]) -> Result<Step> {
+        self.frame(light, out, None)
+    }
+
+    /// `step`, with a budget of its own: what can be sent so that the step ends in `seconds`, as far as earlier ones tell.
+    ///
+    /// Where nothing fits, the first column is sent. The settings need the cost of every column.
+    pub fn step_within(&mut self, light: &[[f64; 3]], out: &mut [f32], seconds: f64) -> Result<Step> {
+        self.frame(light, out, Some(seconds))
+    }
+
+    fn frame(&mut self, light: &[[f64; 3]], out: &mut [f32], seconds: Option<f64>) -> Result<Step> {
         let started = Instant::now();
-        self.approximation.check(light)?;
+        let norm = light_norm(light);
+        // A norm within the limit says so of every coefficient; what is not finite has an infinite norm.
+        if light.len() != self.matrix.bands.columns() || norm > MAX_COEFFICIENT {
+            self.approximation.check(light)?;
+        }
         if out.len() != 3 * self.matrix.rows {
             return Err(Error::input(format!("expected room for {} x 3 values, got {}", self.matrix.rows, out.len())));
         }
-        let grid = self.settle_grid(light, out)?;
-        let target = grid.quantise_all(light);
-        let update = match self.initial {
-            Some(Initial::Full) => self.everything(&target)?,
-            _ => self.approximation.step(&target)?,
-        };
-        self.initial = None;
+        self.settle_grid(norm, out)?.quantise_into(light, &mut self.target);
+        let settled = started.elapsed().as_secs_f64();
+        if let Some(seconds) = seconds {
+            // A budget of nothing would change nothing, for ever.
+            let cost = self.pace.affordable(seconds - settled).max(f64::MIN_POSITIVE);
+            self.approximation.set_budget(Budget::Cost(cost))?;
+        }
+        let whole = self.initial.take() == Some(Initial::Full);
+        let update = if whole { self.everything()? } else { self.approximation.follow(&self.target) };
         let choosing = started.elapsed().as_secs_f64();
         self.response.apply(&self.matrix, &update, out)?;
         let multiplying = started.elapsed().as_secs_f64() - choosing;
 
         let bound = self.measure(light);
-        Ok(Step { update, bound, converged: self.approximation.is_converged(&target), choosing, multiplying })
+        let converged = self.approximation.is_converged(&self.target);
+        if seconds.is_some() && !whole {
+            self.pace.learn(self.streamed(), started.elapsed().as_secs_f64() - settled);
+        }
+        Ok(Step { update, bound, converged, choosing, multiplying })
+    }
+
+    /// The cost of the columns that the last update streamed.
+    fn streamed(&self) -> f64 {
+        let costs = &self.approximation.settings().costs;
+        self.response.moved().map(|column| costs[column]).sum()
     }
 
     /// The grid for this light. Light that outgrows the one in use takes a coarser one, on which what was applied is
     /// rounded and multiplied afresh; light that has faded takes a finer one, on which everything already lies.
-    fn settle_grid(&mut self, light: &[[f64; 3]], out: &mut [f32]) -> Result<Grid> {
-        let norms = light_norm(light) + light_norm(self.approximation.values());
+    fn settle_grid(&mut self, norm: f64, out: &mut [f32]) -> Result<Grid> {
+        let norms = norm + self.measured.as_ref().map_or(0.0, |measured| measured.applied);
         // Twice what exactness needs, and a little for rounding to the grid: a fresh product of what is applied then
         // chooses a grid of its own that is no coarser, and has the same bits.
         let norms = 2.125 * norms;
@@ -118,28 +151,24 @@ impl Updater {
     }
 
     /// The whole light at once.
-    fn everything(&mut self, target: &[[f64; 3]]) -> Result<Update> {
-        self.approximation.set_values(target)?;
-        Ok(whole(target))
+    fn everything(&mut self) -> Result<Update> {
+        self.approximation.set_values(&self.target)?;
+        Ok(whole(&self.target))
     }
 
     /// The bound of this frame, from the light before it was rounded.
     fn measure(&mut self, light: &[[f64; 3]]) -> [f64; 3] {
-        let values = self.approximation.values();
-        let remaining = band_norms(&self.matrix.bands, |column| {
-            std::array::from_fn(|colour| light[column][colour] - values[column][colour])
-        });
-        let whole = band_norms(&self.matrix.bands, |column| light[column]);
-        let bound = self.bound.largest(&remaining, &whole);
-        self.norms = Some((remaining, whole));
+        let measured = Measured::new(&self.matrix.bands, light, self.approximation.values());
+        let bound = self.bound.largest(&measured);
+        self.measured = Some(measured);
         bound
     }
 
     /// The bound of every receiver (rows x 3) for the picture that the last step wrote.
     pub fn bounds(&self, shown: &[f32], out: &mut [f32]) -> Result<()> {
-        match &self.norms {
-            Some((remaining, whole)) => {
-                bound_rows(&self.matrix, remaining, whole, shown, out);
+        match &self.measured {
+            Some(measured) => {
+                bound_rows(&self.matrix, measured, shown, out);
                 Ok(())
             }
             None => Err(Error::input("a bound needs a frame: call step first")),
@@ -151,13 +180,9 @@ impl Updater {
         self.approximation.values()
     }
 
-    pub fn set_budget(&mut self, budget: Budget) -> Result<()> {
-        self.approximation.set_budget(budget)
-    }
-
-    /// Bytes beyond M: the response, and V~ as choosing knows it.
+    /// Bytes beyond M: the response, V~ as choosing knows it, and V on its grid.
     pub fn nbytes(&self) -> usize {
-        self.response.nbytes() + size_of_val(self.approximation.values())
+        self.response.nbytes() + size_of_val(self.approximation.values()) + size_of_val(&self.target[..])
     }
 }
 

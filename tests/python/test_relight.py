@@ -235,6 +235,48 @@ def test_two_relighters_share_a_transport(transport, name):
             np.testing.assert_array_equal(together[which].step(film[frame]).values, expected[which][frame])
 
 
+# No budget in time is too small for a still light to be reached, a column a frame at least; one that is large is used.
+@pytest.mark.parametrize("milliseconds", [0.0, 0.2, 1e4])
+@pytest.mark.parametrize(
+    ("kind", "settings"),
+    [
+        (dl.Incremental, {}),
+        (dl.PerBand, {}),
+        (dl.PerBand, {"weight": "cost", "norm": "l2"}),
+        (dl.PerBand, {"weight": "transport", "test": "dealer"}),
+        (dl.PerBand, {"weight": "transport", "test": "exhaustive"}),
+        (dl.HarmonicOrder, {"terms": None}),
+    ],
+)
+def test_an_idle_relighter_converges_within_milliseconds(transport, kind, settings, milliseconds):
+    relighter = dl.Relighter(transport, kind(milliseconds=milliseconds, **settings), initial=None)
+    for V in path(9):
+        frame = relighter.step(V)
+        assert_exact(relighter, frame)
+    still = path(10, seed=9)[0]
+    for frames in range(1, 2 * COUNT):
+        before = relighter.values
+        frame = relighter.step(still)
+        assert (relighter.values != before).any()
+        if milliseconds == 0.0:
+            assert len(frame.columns) == 1
+        if frame.converged:
+            break
+        assert milliseconds < 1e4 or frames == 1, "a second frame has the time for all"
+    assert_exact(relighter, frame)
+    np.testing.assert_array_equal(relighter.values, still)
+    assert len(relighter.step(still).columns) == 0
+
+
+def test_a_picture_that_is_kept_is_not_written_again(transport):
+    relighter, twin = (dl.Relighter(transport, METHODS["per-band"]) for _ in range(2))
+    kept = [relighter.step(V).values[:] for V in path(6)]
+    for V, values in zip(path(6), kept, strict=True):
+        # The twin's pictures are dropped at once, and their memory is used again.
+        np.testing.assert_array_equal(twin.step(V).values, values)
+    assert len({values.ctypes.data for values in kept}) == 6
+
+
 def test_initial_says_what_the_first_frame_applies(transport):
     V = np.random.default_rng(3).normal(size=(COUNT, 3))
     full, nonlinear, black = (

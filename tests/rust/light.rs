@@ -215,6 +215,20 @@ proptest! {
     }
 }
 
+/// Bright squares that overlap, in every strip of every face: added in one order, whoever adds them.
+#[test]
+fn threads_do_not_change_a_bit() {
+    let (width, height) = (256, 128);
+    let pixels = (0..width * height).map(|k| [1.0 + (k * 7919 % 101) as f32 * f32::from(k % 5 == 0); 3]).collect();
+    let map = EnvironmentMap::new(Layout::LatLong { width, height }, pixels).unwrap();
+    let with_threads = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| resampled(&map, 37, &turn([0.3, -0.5, 0.8], 1.1)))
+    };
+    let one = with_threads(1);
+    assert!((2..5).all(|threads| with_threads(threads) == one));
+}
+
 /// A small rotation is a small change: no jump where the box average ends and interpolation begins.
 #[test]
 fn nothing_jumps_when_a_rotation_sets_in() {

@@ -4,7 +4,7 @@ use _core::basis::ColumnSpace;
 use _core::transport::{CompressedGroup, GROUP, Tile, TransportMatrix, Width};
 use _core::update::kernel::Engine;
 use _core::update::multiply::multiply_gridded;
-use _core::update::{Bound, Grid, Response, RowNorm, Term, Update, band_norms, bound_rows, light_norm, multiply};
+use _core::update::{Bound, Grid, Measured, Response, RowNorm, Term, Update, bound_rows, light_norm, multiply};
 use proptest::prelude::*;
 
 type Light = Vec<[f64; 3]>;
@@ -257,12 +257,11 @@ proptest! {
         let update = some_update(&mut random, &case, response.values(), &grid.quantise_all(&target));
         response.apply(&case.matrix, &update, &mut picture).unwrap();
 
-        let applied = response.values();
-        let remaining = band_norms(bands, |j| std::array::from_fn(|k| target[j][k] - applied[j][k]));
-        let light = band_norms(bands, |j| target[j]);
+        let measured = Measured::new(bands, &target, response.values());
+        prop_assert!(measured.applied >= light_norm(response.values()) * (1.0 - 1e-15));
         let mut bounds = vec![0.0; picture.len()];
-        bound_rows(&case.matrix, &remaining, &light, &picture, &mut bounds);
-        let largest = Bound::new(&case.matrix).largest(&remaining, &light);
+        bound_rows(&case.matrix, &measured, &picture, &mut bounds);
+        let largest = Bound::new(&case.matrix).largest(&measured);
         let unit = 2f64.powi(case.matrix.quantum);
         for (i, (stored, dropped)) in case.integers.iter().zip(&case.dropped).enumerate() {
             for colour in 0..3 {
