@@ -23,10 +23,6 @@ _NAMES: dict[type, str] = {
 }
 
 
-# What looking a column up costs beside its bytes, in bytes that stream in the same time (measured: 700 to 3,000).
-_COLUMN_START = 1000.0
-
-
 class ColumnBands(Protocol):
     """All that choosing knows of columns; `Haar` and `SphericalHarmonics` are two."""
 
@@ -73,7 +69,7 @@ class Approximation:
     column_norms
         (columns,): the norm of every column of M, for ``weight="transport"`` and ``weight="cost"``.
     column_bytes
-        (columns,): the bytes of every column of M, for ``weight="cost"``.
+        (columns,): what sending each column costs, such as its bytes of M, for ``weight="cost"``.
     band_norms
         (bands,): the largest norm that a row of M has in each band, for a budget in error.
 
@@ -190,7 +186,7 @@ def _weights(
         return norms
     if costs is None:
         raise ValueError(f"weight={name!r} needs column_bytes, the bytes of the columns of M")
-    return norms / np.sqrt(costs + _COLUMN_START)
+    return norms / np.sqrt(np.maximum(costs, 1.0))
 
 
 def _per_column(name: str, numbers: ArrayLike | None, columns: int) -> NDArray[np.float64] | None:

@@ -19,9 +19,6 @@ __all__ = ["Frame", "Relighter"]
 
 # What is done with a frame after its product takes this much less than all of a budget in time.
 _ON_TIME = 0.98
-# Choosing a column costs as much time as reading so many bytes of it, and starting to read it as so many more.
-_CHOOSING_BYTES = 64.0
-_STARTING_BYTES = 8192.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,14 +99,11 @@ class Relighter:
             method,
             transport.columns.areas,
             transport.column_norms if weight in ("transport", "cost") else None,
-            transport.column_bytes if weight == "cost" or timed else None,
+            transport.column_costs if weight == "cost" or timed else None,
             kept.max(axis=0) if getattr(method, "error", None) is not None else None,
             # The core sets it anew in every frame.
             milliseconds_cost=0.0 if timed else None,
         )
-        if timed:
-            read = transport.column_bytes
-            chosen["costs"] = read + _CHOOSING_BYTES + np.where(read > 0, _STARTING_BYTES, 0.0)
         self._core = _core.Updater(core, chosen, initial == "full")
 
     def step(self, light: Environment | ArrayLike) -> Frame:

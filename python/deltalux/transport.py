@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Transport"]
 
+# In bytes that are read in the same time: choosing a column, and finding it in a tile.
+_CHOOSING, _FINDING = 64.0, 300.0
+
 
 class Transport:
     """The light transport matrix M of a still scene: B = M V.
@@ -154,6 +157,15 @@ class Transport:
         """The bytes of M that a frame streams for each column: (columns,)."""
         entry = 18 if self._core.width == "i8" else 34
         return self._core.column_entries().astype(np.float64) * entry
+
+    @cached_property
+    def column_costs(self) -> NDArray[np.float64]:
+        """The time that sending each column takes, (columns,), in bytes of M that are read in the same time.
+
+        To a column's bytes come those of choosing it, and of finding it in every tile (measured).
+        """
+        tiles = -(-self.shape[0] // self._core.tile_rows)
+        return self.column_bytes + _CHOOSING + np.where(self.column_bytes > 0, _FINDING * tiles, 0.0)
 
     @cached_property
     def albedo(self) -> NDArray[np.float32]:

@@ -20,15 +20,20 @@ COUNT = COLUMNS.columns
 # A new method joins by one line.
 METHODS = {
     "full": dl.Full(),
+    "linear": dl.Linear(terms=BUDGET),
     "nonlinear": dl.Nonlinear(terms=BUDGET),
     "incremental": dl.Incremental(terms=BUDGET),
     "incremental-separate": dl.Incremental(terms=BUDGET, channels="separate"),
     "incremental-transport": dl.Incremental(terms=BUDGET, weight="transport"),
     "per-band": dl.PerBand(terms=BUDGET),
     "per-band-l2": dl.PerBand(terms=BUDGET, norm="l2"),
+    "per-band-none": dl.PerBand(terms=BUDGET, weight="none"),
+    "per-band-root-area": dl.PerBand(terms=BUDGET, weight="root-area"),
     "per-band-cost": dl.PerBand(terms=BUDGET, weight="cost"),
     "per-band-separate": dl.PerBand(terms=BUDGET, channels="separate"),
+    "per-band-time": dl.PerBand(milliseconds=0.3, weight="cost"),
     "dealer": dl.PerBand(terms=BUDGET, test="dealer"),
+    "dealer-time": dl.PerBand(milliseconds=0.3, test="dealer"),
     "exhaustive": dl.PerBand(terms=BUDGET, test="exhaustive"),
     "fixed": dl.PerBand(terms=BUDGET, test="fixed", fixed=1),
     "incremental-error": dl.Incremental(error=0.05),
@@ -36,9 +41,11 @@ METHODS = {
     "harmonic-order": dl.HarmonicOrder(terms=BUDGET),
 }
 # These start anew in every frame, by definition, and reach the light only where their budget holds all of it.
-NEVER_CONVERGE = {"nonlinear", "fixed"}
+NEVER_CONVERGE = {"linear", "nonlinear", "fixed"}
 # These stop where the bound is small enough.
 STOP_SHORT = {"incremental-error", "per-band-error"}
+# These send as many terms as there is time for: never none while any is left.
+TIMED = {"per-band-time", "dealer-time"}
 
 STORAGE = {
     "i16": {"width": "i16"},
@@ -64,6 +71,12 @@ def transport(request, matrix):
 
 @pytest.fixture(params=METHODS)
 def name(request):
+    return request.param
+
+
+@pytest.fixture(params=[name for name in METHODS if name not in TIMED])
+def repeatable(request):
+    """What is sent depends on nothing but the light."""
     return request.param
 
 
@@ -96,7 +109,7 @@ def test_every_frame_is_a_fresh_product_within_its_bound(transport, matrix, name
         assert error.max() <= frame.bound
         worst = max(worst, error.max() / frame.bound)
         assert frame.converged == (relighter.values == V).all()
-        if name not in ("full", *STOP_SHORT) and not (initial == "full" and number == 0):
+        if name not in ("full", *STOP_SHORT, *TIMED) and not (initial == "full" and number == 0):
             assert len(frame.columns) <= BUDGET
     assert worst > 1e-3, "a bound a thousand times too large says nothing"
 
@@ -137,8 +150,8 @@ def test_static_light_is_reached_bit_for_bit(transport, name):
             np.testing.assert_array_equal(frame.values, wanted)
 
 
-def test_a_light_that_is_refused_changes_nothing(transport, name):
-    relighter, twin = (dl.Relighter(transport, METHODS[name], initial=None) for _ in range(2))
+def test_a_light_that_is_refused_changes_nothing(transport, repeatable):
+    relighter, twin = (dl.Relighter(transport, METHODS[repeatable], initial=None) for _ in range(2))
     lights = path(8)
     for V in lights[:4]:
         relighter.step(V), twin.step(V)
@@ -216,20 +229,20 @@ def test_a_passing_sun_leaves_no_trace(transport, name):
         np.testing.assert_allclose(frame.values, transport.multiply(lights[0]), rtol=1e-6, atol=1e-6)
 
 
-def test_threads_do_not_change_a_bit(transport, name):
+def test_threads_do_not_change_a_bit(transport, repeatable):
     films = []
     for threads in (1, 2, 3):
         dl.set_threads(threads)
-        relighter = dl.Relighter(transport, METHODS[name], initial=None)
+        relighter = dl.Relighter(transport, METHODS[repeatable], initial=None)
         films.append([relighter.step(V).values.tobytes() for V in path(12)])
     assert films[0] == films[1] == films[2]
 
 
-def test_two_relighters_share_a_transport(transport, name):
+def test_two_relighters_share_a_transport(transport, repeatable):
     lights, others = path(10), path(10, seed=6)
-    alone = [dl.Relighter(transport, METHODS[name]) for _ in range(2)]
+    alone = [dl.Relighter(transport, METHODS[repeatable]) for _ in range(2)]
     expected = [[one.step(V).values for V in film] for one, film in zip(alone, (lights, others), strict=True)]
-    together = [dl.Relighter(transport, METHODS[name]) for _ in range(2)]
+    together = [dl.Relighter(transport, METHODS[repeatable]) for _ in range(2)]
     for frame in range(10):
         for which, film in enumerate((lights, others)):
             np.testing.assert_array_equal(together[which].step(film[frame]).values, expected[which][frame])
