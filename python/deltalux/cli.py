@@ -19,7 +19,7 @@ from .columns import Haar, parse
 from .demo import COLUMNS, FOLDER, SIZE, demo
 from .environment import Environment
 from .frames import FORMATS, Film, check_frames, relight_frames
-from .methods import WEIGHTS, Full, Incremental, Method, Nonlinear, PerBand
+from .methods import WEIGHTS, Full, HarmonicOrder, Incremental, Linear, Method, Nonlinear, PerBand
 from .motion import Motion
 from .output import check_folder
 from .plan import QUALITIES
@@ -36,7 +36,13 @@ __all__ = ["main"]
 
 _RESUME = "stopped; the same command resumes where it left off"
 _STUDY_LIGHT = "hall"
-_METHODS: dict[str, Callable[..., Method]] = {"nwa": Nonlinear, "bi": Incremental, "pbi": PerBand}
+_METHODS: dict[str, Callable[..., Method]] = {
+    "nwa": Nonlinear,
+    "bi": Incremental,
+    "pbi": PerBand,
+    "linear": Linear,
+    "harmonic-order": HarmonicOrder,
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -135,7 +141,7 @@ def _parser() -> argparse.ArgumentParser:
     budget.add_argument("--milliseconds", type=float, metavar="MS", help="time a frame, instead of --terms")
     budget.add_argument("--error", type=float, metavar="RADIANCE", help="bound on the error, instead of --terms")
     command.add_argument(
-        "--weight", choices=WEIGHTS, default="area", help="what a change is worth; default: %(default)s"
+        "--weight", choices=WEIGHTS, help="what a change is worth; default: the method's own, area"
     )
     command.add_argument("--exposure", type=float, metavar="STOPS", help="of the PNGs; default: chosen by the light")
     command.add_argument("--format", choices=FORMATS, default="png", help="default: %(default)s")
@@ -321,7 +327,9 @@ def _method(chosen: argparse.Namespace) -> Method:
         if given:
             raise ValueError(f"expected no --{next(iter(given))} with --method full, which sends all that differs")
         return Full()
-    return _METHODS[chosen.method](**(given or {"terms": 30}), weight=chosen.weight)
+    weight = {} if chosen.weight is None else {"weight": chosen.weight}
+    # Harmonic order has a number of terms of its own, which another budget takes the place of.
+    return _METHODS[chosen.method](**{"terms": None, **(given or {"terms": 30})}, **weight)
 
 
 def _report(chosen: argparse.Namespace) -> None:

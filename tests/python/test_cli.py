@@ -10,6 +10,7 @@ import deltalux as dl
 import numpy as np
 import pytest
 from deltalux import cli, io
+from deltalux.sequences import SEQUENCES
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +44,7 @@ def test_a_camera_replaces_the_scene_s_own(tmp_path, capsys):
     assert found == dl.Camera((0, 1, 4), (0, 1, 0), vertical_fov=50, width=8, height=6)
 
 
-@pytest.mark.parametrize("method", ["full", "nwa", "bi", "pbi"])
+@pytest.mark.parametrize("method", ["full", "nwa", "bi", "pbi", "linear", "harmonic-order"])
 def test_relight_writes_frames_and_a_table(tiny, tmp_path, method, capsys):
     out = tmp_path / "frames"
     terms = [] if method == "full" else ["--terms", "7"]
@@ -68,6 +69,32 @@ def test_relight_writes_frames_and_a_table(tiny, tmp_path, method, capsys):
         assert all(int(row["columns"]) <= 7 for row in rows[1:])
 
 
+@pytest.mark.parametrize("name", SEQUENCES)
+def test_every_sequence_moves_the_light(tiny, tmp_path, name):
+    out = tmp_path / name
+    light = [] if name == "sunrise" else ["--env", "studio", "--hold", "1"]
+    assert cli.main(["relight", str(tiny), "--sequence", name, *light, "--frames", "5", "-o", str(out)]) == 0
+    frames = sorted(out.glob("frame-*.png"))
+    pictures = [io.load_image(path)[0] for path in frames]
+    assert len(frames) == 5 + (name != "sunrise")
+    assert not np.array_equal(pictures[1], pictures[3]) and max(picture.max() for picture in pictures) > 0.2
+    with open(out / "frames.csv", newline="") as file:
+        angles = [row["angle"] for row in csv.DictReader(file)]
+    assert all(angles) if name == "rotation" else not any(angles)
+
+
+@pytest.mark.parametrize(
+    "budget", [["--milliseconds", "50"], ["--error", "0.05"], ["--terms", "3", "--weight", "cost"]]
+)
+@pytest.mark.parametrize("method", ["pbi", "harmonic-order"])
+def test_budgets_of_every_kind(tiny, tmp_path, budget, method):
+    command = ["relight", str(tiny), "--env", "hall", "--frames", "4", "--method", method, *budget]
+    assert cli.main([*command, "-o", str(tmp_path / "out")]) == 0
+    with open(tmp_path / "out" / "frames.csv", newline="") as file:
+        rows = list(csv.DictReader(file))[1:]
+    assert all(0 < int(row["columns"]) <= (3 if "--terms" in budget else 384) for row in rows)
+
+
 def test_a_second_run_replaces_the_first_and_nothing_else(tiny, tmp_path):
     out = tmp_path / "frames"
     command = ["relight", str(tiny), "--env", "hall", "-o", str(out), "--frames"]
@@ -87,6 +114,36 @@ def test_files_of_others_are_not_overwritten(tiny, tmp_path, capsys):
 
 
 BAD = {
+    "two budgets": ["relight", "TINY", "--env", "hall", "--terms", "3", "--error", "1", "-o", "OUT"],
+    "a budget with the exact method": [
+        "relight",
+        "TINY",
+        "--env",
+        "hall",
+        "--method",
+        "full",
+        "--error",
+        "1",
+        "-o",
+        "OUT",
+    ],
+    "a light for the sunrise": ["relight", "TINY", "--env", "hall", "--sequence", "sunrise", "-o", "OUT"],
+    "a rotation of the painting": [
+        "relight",
+        "TINY",
+        "--env",
+        "hall",
+        "--sequence",
+        "painting",
+        "--rotate",
+        "9",
+        "-o",
+        "OUT",
+    ],
+    "a sequence without light": ["relight", "TINY", "--sequence", "painting", "-o", "OUT"],
+    "an unknown sequence": ["relight", "TINY", "--env", "hall", "--sequence", "walk", "-o", "OUT"],
+    "an unknown study": ["study", "energies", "-o", "OUT"],
+    "a study of pictures without a scene": ["study", "equal-time", "-o", "OUT"],
     "no command": [],
     "an unknown command": ["paint"],
     "an unknown scene": ["precompute", "nowhere", "-o", "OUT"],
