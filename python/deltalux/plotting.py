@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["FAMILIES", "MARKERS", "across", "drawing", "mark_stop", "percent"]
+__all__ = ["FAMILIES", "MARKERS", "across", "drawing", "logarithmic", "mark_stop", "percent"]
 
 # Okabe and Ito's colours, which colour-blind readers tell apart; shades run with the budget.
 FAMILIES = {"NWA": "#D55E00", "BI": "#009E73", "PBI": "#0072B2", "PBI by transport": "#CC79A7", "exact": "#000000"}
@@ -51,8 +51,19 @@ def drawing(
         figure.savefig(path, dpi=110)
 
 
+def logarithmic(axes: Axes, which: str = "y") -> None:
+    """Plain numbers along logarithmic axes, "x", "y" or "xy"; where nothing is above zero, an axis stays as it is."""
+    for name in which:
+        # Lines across the whole plot, such as the mark of the stop, are no data.
+        own = [line for line in axes.lines if line.get_transform() == axes.transData]
+        data = [np.asarray(getattr(line, f"get_{name}data")(), float) for line in own]
+        if any(np.any(values > 0) for values in data):
+            axes.set(**{f"{name}scale": "log"})
+            percent(getattr(axes, f"{name}axis"))
+
+
 def percent(axis: Any) -> None:
-    """Plain percentages on a logarithmic axis."""
+    """Plain numbers on an axis that is logarithmic."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     axis.set_major_locator(LogLocator(10, subs=(1, 2, 5)))

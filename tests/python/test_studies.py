@@ -70,6 +70,18 @@ def test_light_alone_needs_no_scene(tmp_path, name):
     assert page.is_file()
 
 
+@pytest.mark.parametrize("light", ["grey", "one texel"])
+@pytest.mark.parametrize("name", [name for name, chosen in STUDIES.items() if name != "blocker"])
+def test_plain_and_extreme_lights(cornell, tmp_path, name, light):
+    """A constant sky, of which nothing is left to send, and a sun of 1e5 in one texel."""
+    faces = np.full((6, 8, 8, 3), float(light == "grey"))
+    faces[2, 3, 3] = 1.0 if light == "grey" else 1e5
+    motion = Motion(-20.0, 8, 0, "x")
+    transports = [cornell] if STUDIES[name].scene_files else []
+    env = dl.Environment.from_cubemap(faces)
+    assert study(name, tmp_path / "out", env, transports, motion=motion, columns=dl.Haar(8), progress=False).is_file()
+
+
 def test_bad_requests_are_refused_before_anything_is_written(cornell, tmp_path):
     out = tmp_path / "out"
     for arguments, message in (
@@ -79,6 +91,15 @@ def test_bad_requests_are_refused_before_anything_is_written(cornell, tmp_path):
     ):
         with pytest.raises(ValueError, match=message):
             study(*arguments)
+    black = dl.Environment.from_latlong(np.zeros((4, 8, 3)))
+    for env, motion, message in (
+        (black, SHORT, "lat-long array is black"),
+        (HALL, Motion(20.0, 7, 2), "moves for 8 frames or more"),
+        (HALL, Motion(0.0, 12, 2), "light that moves"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            study("energy", out, env, motion=motion)
+    assert not out.exists()
     harmonic = SimpleNamespace(columns=dl.SphericalHarmonics(3))
     with pytest.raises(ValueError, match="haar columns, got sh:3"):
         check_study("equal-time", out, HALL, [harmonic])
@@ -91,7 +112,7 @@ def test_bad_requests_are_refused_before_anything_is_written(cornell, tmp_path):
 
 def test_studies_from_the_command_line(tmp_path, capsys):
     out = tmp_path / "out"
-    settings = ["--columns", "haar:8", "--frames", "6", "--hold", "2", "-o", str(out)]
+    settings = ["--columns", "haar:8", "--frames", "8", "--hold", "2", "-o", str(out)]
     assert cli.main(["study", "coverage", *settings, "--env", "studio", "--env", "sky"]) == 0
     assert {"1-studio-coverage.csv", "2-sky-coverage.csv", "index.html"} <= {path.name for path in out.iterdir()}
     scene = ["--scene", "cornell", "--size", "16x12"]
@@ -247,6 +268,7 @@ def test_figures_of_section_d(name):
     rows = [Row(f"NWA-{n}", "NWA", Nonlinear(n), None) for n in (30, 100, 500)]
     rows += [Row("BI-30", "BI", Incremental(30)), Row("PBI-30", "PBI", PerBand(30))]
     tests = [Row(test, "PBI", PerBand(30, test=test)) for test in ("dealer", "exhaustive")]
+    resets = {}
     for degrees, spreads in SECTION_D.items():
         motion = Motion(degrees)
         frames = lights(env, motion, columns)
@@ -260,6 +282,8 @@ def test_figures_of_section_d(name):
         for method, (least, most) in zip(METHODS, spreads, strict=True):
             assert least <= means[method] <= most, (degrees, method)
         assert means["PBI-30"] < means["BI-30"]
+        resets[degrees] = rasters(columns, rows[-1], frames)[0].sum(axis=0)
+        assert not resets[degrees][:2].any() and np.all(np.diff(resets[degrees]) >= 0)
         if degrees == 45.0:
             assert means["PBI-30"] <= means["NWA-100"]
             assert found["PBI-30"][motion.stop + 25] < found["NWA-500"][motion.stop + 25]
@@ -268,6 +292,7 @@ def test_figures_of_section_d(name):
         if degrees == 180.0:
             # "BI always beats NWA" fails for fast light.
             assert np.any(found["BI-30"][1 : motion.stop + 1] > found["NWA-30"][1 : motion.stop + 1])
+    assert np.all(resets[45.0] <= resets[90.0]) and np.all(resets[90.0] <= resets[180.0])
 
 
 @pytest.mark.parametrize("name", ["hall", "grace"])

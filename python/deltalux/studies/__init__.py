@@ -48,6 +48,8 @@ STUDIES: dict[str, Study] = {
 }
 """By name, in the order of the papers."""
 
+_FEWEST_FRAMES = 8
+
 
 def check_study(
     name: str,
@@ -71,9 +73,14 @@ def check_study(
     transports = [transport] if isinstance(transport, Transport) else list(transport)
     if not envs:
         raise ValueError("expected at least one environment")
+    motion = motion or Motion()
+    if motion.frames < _FEWEST_FRAMES or motion.rotate == 0:
+        raise ValueError(f"expected light that moves for {_FEWEST_FRAMES} frames or more, got {motion}")
+    dark = [light.name for light in envs if not light.cubemap(1).any()]
+    if dark:
+        raise ValueError(f"expected light, but {dark[0]} is black: errors are relative to it")
     if STUDIES[name].needs_scene and not transports:
         raise ValueError(f"the study {name!r} looks at pictures: expected a scene")
-    motion = motion or Motion()
     cases = [Case(light, motion, _haar(found), found) for found in transports for light in envs]
     cases = cases or [Case(light, motion, columns or Haar(64)) for light in envs]
     chapters = [(slug(case.name, k), case) for k, case in enumerate(cases)]

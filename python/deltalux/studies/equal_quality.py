@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..columns import Haar
 from ..methods import Incremental, PerBand
 from ..motion import Motion
-from ..plotting import percent
+from ..plotting import logarithmic
 from ..progress import Progress
 from ..replay import Row, relative_errors
 from ..transport import Transport
@@ -142,8 +142,8 @@ def _draw_worth(case: Case, sheet: Sheet, worth: dict[str, NDArray[np.float64]])
         for claimed in (100, 300):
             axes.axhline(claimed, color="#999999", linewidth=0.8, linestyle=":")
         axes.axvline(case.motion.stop, color="#888888", linewidth=1)
-        axes.set(yscale="log", xlabel="Frame", ylabel="Terms of NWA", xlim=(0, len(case.motion.angles) - 1))
-        percent(axes.yaxis)
+        axes.set(xlabel="Frame", ylabel="Terms of NWA", xlim=(0, len(case.motion.angles) - 1))
+        logarithmic(axes)
         figure.legend(loc="outside right center")
 
 
@@ -160,8 +160,9 @@ def _draw_curves(sheet: Sheet, kind: str, what: str, moving: Curve, stopped: Cur
                 axes.axhline(100 * error, color=colour, linewidth=1, linestyle=":")
                 axes.plot([worth], [100 * error], "o", color=colour, label=name)
                 axes.annotate(f"{_terms(worth)} ", (worth, 100 * error), color=colour, ha="right", va="top", fontsize=9)
-            axes.set(xscale="log", yscale="log", xlabel="Terms of NWA", title=title, xlim=(10, None))
-            percent(axes.yaxis)
+            axes.set(xlabel="Terms of NWA", title=title)
+            logarithmic(axes, "xy")
+            axes.set_xlim(10, None)
         both[0].set_ylabel(f"{what} (%)")
         handles, labels = both[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside right center")

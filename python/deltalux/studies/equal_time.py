@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..plotting import FAMILIES, percent
+from ..plotting import FAMILIES, logarithmic
 from ..progress import Progress
 from ..verdicts import Verdict
 from .case import Case
@@ -76,10 +76,9 @@ def _draw(case: Case, sheet: Sheet, points: Sequence[Point], base: Point) -> Non
                 axes.plot(x, y, label=f"{family}, {weight}", linewidth=1.2, **look)
         axes.axvline(base.milliseconds, color="#555555", linewidth=1)
         axes.axhline(100 * base.error, color="#555555", linewidth=1)
-        axes.set(xscale="log", yscale="log", xlabel="Median frame (ms)", ylabel="Image: L2 error (%)")
+        axes.set(xlabel="Median frame (ms)", ylabel="Image: L2 error (%)")
+        logarithmic(axes, "xy")
         axes.set_ylim(max(axes.get_ylim()[0], 1e-3), None)
-        percent(axes.xaxis)
-        percent(axes.yaxis)
         figure.suptitle(f"{case.name}: {case.motion.rotate:g} degrees in {case.motion.frames} frames", fontsize=11)
         figure.legend(loc="outside right center")
 

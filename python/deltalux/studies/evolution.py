@@ -13,7 +13,7 @@ from ..io import to_display
 from ..methods import Full, Incremental, Nonlinear, PerBand
 from ..motion import Motion
 from ..pictures import auto_exposure, magnification
-from ..plotting import FAMILIES, percent
+from ..plotting import FAMILIES, logarithmic
 from ..progress import Progress
 from ..replay import Row, relative_errors
 from ..transport import Transport
@@ -162,8 +162,8 @@ def _curves(sheet: Sheet, kind: str, what: str, series: Series, motion: Motion) 
             ghosts = np.array([100 * series[row.name][k][1] for k in frames])
             axes.plot(frames, np.where(ghosts > 0, ghosts, np.nan), color=FAMILIES[row.family], label=row.name)
         axes.axvline(motion.stop, color="#888888", linewidth=1)
-        axes.set(yscale="log", xlabel="Frame", ylabel=f"{what}: ghosts (% of detail energy)", xlim=(0, last))
-        percent(axes.yaxis)
+        axes.set(xlabel="Frame", ylabel=f"{what}: ghosts (% of detail energy)", xlim=(0, last))
+        logarithmic(axes)
         figure.legend(loc="outside right center")
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from math import copysign
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from ..columns import Haar
 from ..methods import Incremental, Nonlinear, PerBand
 from ..motion import Motion
-from ..plotting import FAMILIES, mark_stop, percent
+from ..plotting import FAMILIES, logarithmic, mark_stop
 from ..progress import Progress
 from ..replay import Row
 from ..verdicts import Verdict
@@ -50,7 +51,7 @@ def run(case: Case, sheet: Sheet, progress: Progress) -> None:
     speeds = sorted({*_SPEEDS, asked})
     found: dict[float, Errors] = {degrees: {} for degrees in speeds}
     for k, degrees in enumerate(speeds):
-        frames = lights(case.env, replace(case.motion, rotate=degrees), case.columns)
+        frames = lights(case.env, replace(case.motion, rotate=copysign(degrees, case.motion.rotate)), case.columns)
         for j, row in enumerate(_ROWS):
             progress(k * len(_ROWS) + j, len(speeds) * len(_ROWS))
             found[degrees][row.name] = _errors(case.columns, row, frames)
@@ -90,8 +91,8 @@ def _draw(case: Case, sheet: Sheet, errors: Errors) -> None:
         for row, colour in zip((*_TESTS, _FIXED), colours, strict=True):
             _line(tests, errors[row.name], row.name, color=colour, linewidth=1.4)
         for panel, title in ((axes, "area-weighted L1 error (%)"), (tests, "band tests (%)")):
-            panel.set(yscale="log", ylabel=f"Light: {title}")
-            percent(panel.yaxis)
+            panel.set(ylabel=f"Light: {title}")
+            logarithmic(panel)
             panel.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
             panel.axvline(case.motion.stop, color="#888888", linewidth=1)
         mark_stop(axes, case.motion)
@@ -196,14 +197,15 @@ def _bi_beats_nwa(found: dict[float, Errors], turning: slice) -> Verdict:
 def _tests_agree(mean: dict[str, float]) -> Verdict:
     three = {name: mean[name] for name in ("PBI-30", "PBI-30 dealer", "PBI-30 exhaustive")}
     least, most = min(three.values()), max(three.values())
+    apart = most / least - 1 if least > 0 else 0.0
     return Verdict(
         "The simple, dealer and exhaustive band tests are nearly the same (within 5 %) (D3-D5, D7).",
-        most <= 1.05 * least,
+        apart <= 0.05,
         ", ".join(f"{name.removeprefix('PBI-30').strip() or 'simple'} {value:.4g} %" for name, value in three.items()),
-        f"They lie within {100 * (most / least - 1):.1f} % of each other; the simple test costs least."
+        f"They lie within {100 * apart:.1f} % of each other; the simple test costs least."
         + (
             ""
-            if most <= 1.05 * least
+            if apart <= 0.05
             else " It judges a band before it knows how many terms the band will get, which tells where a few lights "
             "outshine the rest."
         ),

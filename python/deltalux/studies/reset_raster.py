@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from math import copysign
 from typing import Any
 
 import numpy as np
@@ -35,7 +36,7 @@ def run(case: Case, sheet: Sheet, progress: Progress) -> None:
     printed, held = {}, {}
     for k, degrees in enumerate(speeds):
         progress(k, len(speeds))
-        frames = lights(case.env, replace(case.motion, rotate=degrees), case.columns)
+        frames = lights(case.env, replace(case.motion, rotate=copysign(degrees, case.motion.rotate)), case.columns)
         printed[degrees], held[degrees] = rasters(case.columns, _PBI, frames)
     progress(1, 1)
 
