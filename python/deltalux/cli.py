@@ -140,9 +140,7 @@ def _parser() -> argparse.ArgumentParser:
     budget.add_argument("--terms", type=int, help="columns a frame; default: 30")
     budget.add_argument("--milliseconds", type=float, metavar="MS", help="time a frame, instead of --terms")
     budget.add_argument("--error", type=float, metavar="RADIANCE", help="bound on the error, instead of --terms")
-    command.add_argument(
-        "--weight", choices=WEIGHTS, help="what a change is worth; default: the method's own, area"
-    )
+    command.add_argument("--weight", choices=WEIGHTS, help="what a change is worth; default: the method's own, area")
     command.add_argument("--exposure", type=float, metavar="STOPS", help="of the PNGs; default: chosen by the light")
     command.add_argument("--format", choices=FORMATS, default="png", help="default: %(default)s")
     command.add_argument("-o", "--output", required=True, metavar="FOLDER")

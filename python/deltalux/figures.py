@@ -9,7 +9,7 @@ import numpy as np
 
 from .columns import Columns
 from .motion import Motion
-from .plotting import FAMILIES, MARKERS, across, drawing, mark_stop, percent
+from .plotting import FAMILIES, MARKERS, across, draw_resets, drawing, mark_stop, percent
 from .replay import Replay, Row
 from .size_curve import Point
 
@@ -96,25 +96,12 @@ def time_figure(path: Path, result: Replay, motion: Motion, rows: Sequence[Row],
 
 def resets_figure(path: Path, result: Replay, motion: Motion, columns: Columns, method: str) -> None:
     """Resets of every band over the rotation (the papers' Fig. 6.4)."""
-    names = columns.band_names
-    bands = len(names)
+    records = result.records[method]
+    held = np.array([[band in record.resets for band in range(len(columns.band_names))] for record in records])
+    notes = [f"{count} resets" for count in held.sum(axis=0)]
     options = {"sharex": True, "height_ratios": (2.2, 1)}
-    with drawing(path, 2, 1, (8.6, 4.8), **options) as (figure, (raster, profile)):
-        for band in range(bands):
-            frames = [record.frame for record in result.records[method] if band in record.resets]
-            raster.axhline(band, color="#bbbbbb", linewidth=1)
-            raster.vlines(frames, band - 0.36, band + 0.36, color=FAMILIES["PBI"], linewidth=1.8)
-            raster.text(
-                1.01, band, f"{len(frames)} resets", transform=raster.get_yaxis_transform(), va="center", fontsize=9
-            )
-        raster.set_yticks(range(bands), names)
-        raster.set_ylim(bands - 0.4, -0.6)
-        raster.set_ylabel(columns.band_label)
-        raster.grid(False)
-        profile.plot(motion.angles, color="#000000", linewidth=1.6)
-        profile.set(xlabel="Frame", ylabel="Angle (degrees)", xlim=(0, len(motion.angles) - 1))
-        for axes in (raster, profile):
-            axes.axvline(motion.stop, color="#888888", linewidth=1)
+    with drawing(path, 2, 1, (8.6, 4.8), **options) as (figure, both):
+        draw_resets(both, columns, motion, [(held, FAMILIES["PBI"])], notes)
         figure.suptitle(
             f"Bands that {method} starts anew under {result.environment}; it changes them in all other frames",
             fontsize=11,

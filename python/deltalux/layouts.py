@@ -27,6 +27,14 @@ _OPENGL = np.array(
     ]
 )
 
+
+def face_points(n: int) -> NDArray[np.float64]:
+    """Points on the faces of the cube [-1, 1]^3 behind the centres of n x n texels: (6, n, n, 3)."""
+    along = (2 * np.arange(n) + 1 - n) / n
+    right, down, out = (_OPENGL[:, None, None, k].astype(np.float64) for k in range(3))
+    return out + along[None, None, :, None] * right + along[None, :, None, None] * down
+
+
 # (right, down) of the same faces as an eye at the origin sees them.
 _EYE = np.array(
     [

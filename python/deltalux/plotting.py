@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from .columns import Columns
 from .motion import Motion
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["FAMILIES", "MARKERS", "across", "drawing", "logarithmic", "mark_stop", "percent"]
+__all__ = ["FAMILIES", "MARKERS", "across", "draw_resets", "drawing", "logarithmic", "mark_stop", "percent"]
 
 # Okabe and Ito's colours, which colour-blind readers tell apart; shades run with the budget.
 FAMILIES = {"NWA": "#D55E00", "BI": "#009E73", "PBI": "#0072B2", "PBI by transport": "#CC79A7", "exact": "#000000"}
@@ -77,6 +79,34 @@ def mark_stop(axes: Axes, motion: Motion) -> None:
     """A line where the light comes to rest."""
     axes.axvline(motion.stop, color="#888888", linewidth=1)
     axes.text(motion.stop, 1.01, "stop ", ha="right", va="bottom", color="#555555", fontsize=9, transform=across(axes))
+
+
+def draw_resets(
+    both: Sequence[Axes],
+    columns: Columns,
+    motion: Motion,
+    layers: Sequence[tuple[NDArray[np.bool_], str]],
+    notes: Sequence[str],
+) -> None:
+    """Resets of every band over the rotation, and its angle below (Overbeck 2006, Fig. 6.4).
+
+    Layers are rasters (frames, bands) with their colours; a note stands to the right of each band.
+    """
+    raster, profile = both
+    bands = len(columns.band_names)
+    for band in range(bands):
+        raster.axhline(band, color="#bbbbbb", linewidth=1)
+        for which, colour in layers:
+            raster.vlines(np.flatnonzero(which[:, band]), band - 0.36, band + 0.36, color=colour, linewidth=1.8)
+        raster.text(1.01, band, notes[band], transform=raster.get_yaxis_transform(), va="center", fontsize=8)
+    raster.set_yticks(range(bands), columns.band_names)
+    raster.set_ylim(bands - 0.4, -0.6)
+    raster.set_ylabel(columns.band_label)
+    raster.grid(False)
+    profile.plot(motion.angles, color="#000000", linewidth=1.6)
+    profile.set(xlabel="Frame", ylabel="Angle (degrees)", xlim=(0, len(motion.angles) - 1))
+    for axes in both:
+        axes.axvline(motion.stop, color="#888888", linewidth=1)
 
 
 def across(axes: Axes) -> Any:

@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import skies
 from .environment import Environment
+from .layouts import face_points
 from .methods import _count
 from .motion import Motion, ease
 
@@ -196,11 +197,7 @@ def disc(place: Place, radius: float) -> NDArray[np.float32]:
 @cache
 def texel_directions() -> NDArray[np.float32]:
     """Unit directions of the texels' centres, (6, n, n, 3), in OpenGL's orientation."""
-    along = (2 * np.arange(_FACE) + 1 - _FACE) / _FACE
-    t, s = np.meshgrid(along, along, indexing="ij")
-    one = np.ones_like(s)
-    faces = [(one, -t, -s), (-one, -t, s), (s, one, t), (s, -one, -t), (s, -t, one), (-s, -t, -one)]
-    directions = np.stack([np.stack(face, axis=-1) for face in faces])
+    directions = face_points(_FACE)
     return np.asarray(directions / np.linalg.norm(directions, axis=-1, keepdims=True), np.float32)
 
 

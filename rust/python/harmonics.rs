@@ -1,7 +1,6 @@
 //! Bindings of `basis::spherical_harmonics` and of the projection on it.
 
-use numpy::ndarray::Array2;
-use numpy::{IntoPyArray, PyArray2, PyReadonlyArray2, PyReadonlyArray4, PyUntypedArrayMethods};
+use numpy::{PyArray2, PyReadonlyArray2, PyReadonlyArray4, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
@@ -11,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::light::HarmonicProjection;
 
 use super::compute;
-use super::light::{Part, colours, not_contiguous, table};
+use super::light::{Part, colours, not_contiguous, rows, table};
 use super::update::coefficients;
 
 /// The order whose coefficients these are.
@@ -48,12 +47,11 @@ fn harmonic_values<'py>(
     let values = compute(py, || {
         let harmonics = SphericalHarmonics::new(order)?;
         let mut values = vec![0.0; directions.len() * order * order];
-        let rows = values.par_chunks_exact_mut(order * order).zip(directions);
-        rows.for_each(|(row, &direction)| harmonics.evaluate(direction, row));
+        let each = values.par_chunks_exact_mut(order * order).zip(directions);
+        each.for_each(|(row, &direction)| harmonics.evaluate(direction, row));
         Ok(values)
     })?;
-    let array = Array2::from_shape_vec((directions.len(), order * order), values);
-    Ok(array.map_err(|error| Error::input(error.to_string()))?.into_pyarray(py))
+    rows(py, (directions.len(), order * order), values)
 }
 
 /// Coefficients of radiance (6, n, n, 3): (order², 3) float64.

@@ -75,10 +75,18 @@ fn resampled(parts: &[Part], size: usize) -> Result<Vec<[f32; 3]>> {
     Ok(radiance)
 }
 
-pub(super) fn table<'py>(py: Python<'py>, colours: Vec<[f64; 3]>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let shape = (colours.len(), 3);
-    let array = Array2::from_shape_vec(shape, colours.into_flattened());
+/// Rows of equal length, one after the other, as an array.
+pub(super) fn rows<T: numpy::Element>(
+    py: Python<'_>,
+    shape: (usize, usize),
+    values: Vec<T>,
+) -> PyResult<Bound<'_, PyArray2<T>>> {
+    let array = Array2::from_shape_vec(shape, values);
     Ok(array.map_err(|error| Error::input(error.to_string()))?.into_pyarray(py))
+}
+
+pub(super) fn table<'py>(py: Python<'py>, colours: Vec<[f64; 3]>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    rows(py, (colours.len(), 3), colours.into_flattened())
 }
 
 fn cubemap<'py, T: numpy::Element>(py: Python<'py>, size: usize, texels: Vec<T>) -> PyResult<Bound<'py, PyArray4<T>>> {
@@ -117,8 +125,7 @@ fn environment_radiance<'py>(
         }
         Ok(sum)
     })?;
-    let array = Array2::from_shape_vec((radiance.len(), 3), radiance.into_flattened());
-    Ok(array.map_err(|error| Error::input(error.to_string()))?.into_pyarray(py))
+    rows(py, (radiance.len(), 3), radiance.into_flattened())
 }
 
 /// Haar coefficients of radiance (6, size, size, 3): (6 size^2, 3) float64.

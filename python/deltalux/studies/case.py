@@ -16,7 +16,7 @@ from ..motion import Motion
 from ..replay import Row
 from ..transport import Transport
 
-__all__ = ["Case", "Light", "Moment", "follow", "light_errors", "lights"]
+__all__ = ["Case", "Light", "Moment", "band_starts", "follow", "light_errors", "lights"]
 
 Light = NDArray[np.float64]
 """Coefficients, (columns, 3)."""
@@ -63,6 +63,11 @@ def follow(columns: Columns, row: Row, frames: Sequence[Light]) -> Iterator[Mome
         update = approximation.step(light)
         values = approximation.values
         yield Moment(before, update, values)
+
+
+def band_starts(columns: Columns) -> NDArray[np.intp]:
+    """The first column of every band, where `np.add.reduceat` begins its sums."""
+    return np.asarray(np.searchsorted(columns.bands, np.arange(int(columns.bands[-1]) + 1)))
 
 
 def light_errors(columns: Columns, values: Light, light: Light) -> tuple[float, float]:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..columns import Haar
 from ..progress import Progress
 from ..verdicts import Verdict
-from .case import Case, Light, lights
+from .case import Case, Light, band_starts, lights
 from .sheet import Sheet
 from .study import Study
 
@@ -61,7 +61,7 @@ def temporal_haar(frames: NDArray[np.float64]) -> list[NDArray[np.float64]]:
 
 def spatio_temporal(columns: Haar, frames: list[Light]) -> Coherence:
     """Energies of all pairs of a spatial and a temporal band; the temporal mean counts with the coarsest (X22)."""
-    starts = np.searchsorted(columns.bands, np.arange(int(columns.bands[-1]) + 1))
+    starts = band_starts(columns)
     *details, mean = temporal_haar(np.stack(frames))
     energy = [np.add.reduceat(np.square(detail).sum(axis=(0, 2)), starts) for detail in details]
     energy[-1] = energy[-1] + np.add.reduceat(np.square(mean).sum(axis=(0, 2)), starts)

@@ -20,7 +20,7 @@ from ..transport import Transport
 from ..verdicts import Verdict
 from .case import Case, Light, follow, light_errors, lights
 from .ghosts import cubemap_ghosts, image_ghosts
-from .pictures import cross, window
+from .pictures import CORNER, cross, window
 from .sheet import Sheet
 from .study import Study
 
@@ -115,13 +115,10 @@ def _strip(
             for panel, frame in zip(line, moments, strict=True):
                 panel.imshow(to_display(shown[row.name, frame], stops), interpolation="nearest")
                 panel.set_axis_off()
-                panel.text(0.02, 0.03, errors.get((row.name, frame), ""), transform=panel.transAxes, **_CORNER)
+                panel.text(0.02, 0.03, errors.get((row.name, frame), ""), transform=panel.transAxes, **CORNER)
                 if row is _ROWS[0]:
                     panel.set_title(f"frame {frame}\n{moments[frame]}", fontsize=9)
             line[0].text(-0.03, 0.5, row.name, rotation=90, va="center", ha="right", transform=line[0].transAxes)
-
-
-_CORNER: dict[str, Any] = {"color": "white", "fontsize": 7, "bbox": {"color": "#202020", "pad": 1.5, "linewidth": 0}}
 
 
 def _measure(images: Pictures, name: str) -> dict[int, tuple[float, float]]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..columns import Haar
-from .case import Light
+from .case import Light, band_starts
 
 __all__ = ["cubemap_ghosts", "image_ghosts"]
 
@@ -24,7 +24,8 @@ def cubemap_ghosts(columns: Haar, shown: Light, exact: Light) -> float:
 
     By Parseval the energy of a band-pass image over a block is that of its three wavelets.
     """
-    starts = [6, *np.searchsorted(columns.bands, np.arange(1, int(columns.bands[-1]) + 2))]
+    # Band 0 begins with the six scaling functions, which are no detail.
+    starts = [6, *band_starts(columns)[1:], columns.columns]
     bands = [slice(first, last) for first, last in zip(starts[:-1], starts[1:], strict=True)]
     return _ghosts([_energy(shown[band], 3) for band in bands], [_energy(exact[band], 3) for band in bands])
 

@@ -14,22 +14,21 @@ from ..columns import Haar
 from ..io import to_display
 from ..methods import Nonlinear
 from ..motion import Motion
-from ..pictures import auto_exposure
+from ..pictures import auto_exposure, magnification
 from ..plotting import FAMILIES, mark_stop, percent
 from ..replay import Row
 from ..transport import Transport
 from .case import Light
 from .flicker import Track
-from .pictures import cross
+from .pictures import CORNER, cross
 from .projection import HarmonicView
 from .sheet import Sheet
 
-__all__ = ["CORNER", "Pictures", "bases_strip", "frames_plot", "moments_strip", "terms_plot"]
+__all__ = ["Pictures", "bases_strip", "frames_plot", "moments_strip", "terms_plot"]
 
 Pictures = dict[tuple[str, int], NDArray[np.float32]]
 """By method and frame."""
 
-CORNER: dict[str, Any] = {"color": "white", "fontsize": 7, "bbox": {"color": "#202020", "pad": 1.5, "linewidth": 0}}
 
 _COLOURS = FAMILIES | {"SH": "#CC79A7", "PBI-SH": "#E69F00"}
 _STYLES = {"SH order 5": ":", "NWA-25": ":"} | dict.fromkeys(
@@ -45,7 +44,8 @@ def bases_strip(
     names = ("SH order 5", "SH order 10", "NWA-25", "NWA-100", "exact")
     lights = dict(zip(names, _applied(transport, view, V), strict=True))
     exact = pictures["exact"]
-    stops, times = auto_exposure(exact), _magnification([pictures[name] - exact for name in names[:-1]], exact)
+    stops = auto_exposure(exact)
+    times = magnification(np.stack([pictures[name] - exact for name in names[:-1]]), stops)
     caption = (
         "25 and 100 terms of each basis, while the light turns fastest. Relative L2 error in the corner; below, the "
         f"difference from the exact picture, {times} times, and the light that the terms stand for (negative light is "
@@ -85,7 +85,7 @@ def moments_strip(sheet: Sheet, pictures: Pictures, tracks: Mapping[str, Track],
     names, (fast, *_) = list(tracks), moments
     stops = auto_exposure(pictures["exact", fast])
     differences = {key: pictures[key] - pictures["exact", key[1]] for key in pictures if key[1] in moments}
-    times = _magnification([differences[name, fast] for name in names[1:]], pictures["exact", fast])
+    times = magnification(np.stack([differences[name, fast] for name in names[1:]]), stops)
     caption = (
         f"Both bases at two moments. Beside each picture its difference from the exact one, {times} times; in the "
         "corner the relative L2 error and the flicker, the change of the error image since the frame before."
@@ -167,9 +167,3 @@ def _error(difference: NDArray[np.float32], exact: NDArray[np.float32]) -> str:
     track = Track()
     track.add(exact + difference, exact)
     return f"{100 * track.errors[0]:.2g} %"
-
-
-def _magnification(differences: Sequence[NDArray[np.float32]], exact: NDArray[np.float32]) -> int:
-    """The power of two, up to 64, that makes these plain to see: their 98th percentile becomes a third of white."""
-    large = float(np.percentile(np.abs(np.stack(differences)), 98)) * 2.0 ** auto_exposure(exact)
-    return int(2 ** np.clip(np.round(np.log2(0.33 / large)), 0, 6)) if large > 0 else 64

@@ -7,9 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["CROSS", "cross", "window"]
+__all__ = ["CORNER", "cross", "window"]
 
-CROSS = {"+Y": (0, 1, 2), "-X": (1, 0, 1), "-Z": (1, 1, 5), "+X": (1, 2, 0), "+Z": (1, 3, 4), "-Y": (2, 1, 3)}
+CORNER: dict[str, Any] = {"color": "white", "fontsize": 7, "bbox": {"color": "#202020", "pad": 1.5, "linewidth": 0}}
+"""How a figure in the corner of a picture looks."""
+
+_CROSS = {"+Y": (0, 1, 2), "-X": (1, 0, 1), "-Z": (1, 1, 5), "+X": (1, 2, 0), "+Z": (1, 3, 4), "-Y": (2, 1, 3)}
 """Where each face stands in the cross, which looks along -Z in its middle: row, column, and number of the face."""
 
 
@@ -17,7 +20,7 @@ def cross(cubemap: NDArray[Any], outside: float) -> NDArray[Any]:
     """Six faces (6, n, n, c) unfolded, with +X to the right and up above: (3 n, 4 n, c)."""
     n = cubemap.shape[1]
     unfolded = np.full((3 * n, 4 * n, cubemap.shape[3]), outside, cubemap.dtype)
-    for name, (row, column, face) in CROSS.items():
+    for name, (row, column, face) in _CROSS.items():
         faces = cubemap[face]
         # OpenGL's faces are seen from outside: from inside they are mirrored.
         turned = faces[::-1] if name in ("+Y", "-Y") else faces[:, ::-1]

@@ -11,13 +11,13 @@ alone is more than order 20 leaves out.)
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .. import _core
 from ..columns import Haar, SphericalHarmonics
+from ..layouts import face_points
 from ..transport import Transport
 from .case import Light
 
@@ -80,18 +80,9 @@ def _texel_averages(size: int, order: int) -> NDArray[np.float32]:
     columns, within = SphericalHarmonics(order), max(_FINE // size, 2)
     averages = np.empty((6, size, size, order**2), np.float32)
     blocks = (size, within, size, within)
-    for face, directions in zip(averages, _faces(size * within), strict=True):
+    for face, directions in zip(averages, face_points(size * within), strict=True):
         # A point of a face of the cube [-1, 1]^3 stands for a solid angle of 1 / distance^3.
         angle = np.square(directions).sum(axis=-1) ** -1.5
         weighed = (columns.evaluate(directions) * angle[..., None]).reshape(*blocks, -1)
         face[...] = weighed.sum(axis=(1, 3)) / angle.reshape(blocks).sum(axis=(1, 3))[..., None]
     return averages
-
-
-def _faces(n: int) -> NDArray[Any]:
-    """Points on the faces of the cube [-1, 1]^3 behind the centres of n x n texels, in OpenGL's orientation."""
-    along = (2 * np.arange(n) + 1 - n) / n
-    t, s = np.meshgrid(along, along, indexing="ij")
-    one = np.ones_like(s)
-    faces = [(one, -t, -s), (-one, -t, s), (s, one, t), (s, -one, -t), (s, -t, one), (-s, -t, -one)]
-    return np.stack([np.stack(face, axis=-1) for face in faces])

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from ..columns import Haar
 from ..methods import PerBand
-from ..plotting import FAMILIES
+from ..plotting import FAMILIES, draw_resets
 from ..progress import Progress
 from ..replay import Row
 from ..verdicts import Verdict
-from .case import Case, Light, Moment, follow, lights
+from .case import Case, Light, Moment, band_starts, follow, lights
 from .sheet import Sheet
 from .study import Study
 
@@ -62,34 +62,22 @@ def rasters(columns: Haar, row: Row, frames: Sequence[Light]) -> tuple[Raster, R
 
 def _anew(columns: Haar, moment: Moment, light: Light) -> Raster:
     """Not |L - L~| < |L|, band by band, unless nothing has changed."""
-    starts = np.searchsorted(columns.bands, np.arange(int(columns.bands[-1]) + 1))
+    starts = band_starts(columns)
     change, whole = (np.add.reduceat(np.abs(of).sum(axis=1), starts) for of in (light - moment.before, light))
     return np.asarray((change > 0) & (change >= whole))
 
 
 def _draw(case: Case, sheet: Sheet, printed: Raster, held: Raster) -> None:
-    names, motion = case.columns.band_names, case.motion
     caption = (
         "Frames in which PBI-30 starts a band anew. Pale lines are resets of bands that held nothing, which cost and "
         "change nothing; below, the angle of the light."
     )
+    counts = zip(printed.sum(axis=0), held.sum(axis=0), strict=True)
+    notes = [f"{every} resets\n{own} of held light" for every, own in counts]
+    layers = [(printed, "#9fc5e8"), (held, FAMILIES["PBI"])]
     options = {"sharex": True, "height_ratios": (2.4, 1)}
-    with sheet.plot("resets.png", caption, 2, 1, (8.8, 5.2), **options) as (figure, (raster, profile)):
-        for band in range(len(names)):
-            raster.axhline(band, color="#bbbbbb", linewidth=1)
-            for which, colour in ((printed, "#9fc5e8"), (held, FAMILIES["PBI"])):
-                frames = np.flatnonzero(which[:, band])
-                raster.vlines(frames, band - 0.36, band + 0.36, color=colour, linewidth=1.8)
-            total = f"{printed[:, band].sum()} resets\n{held[:, band].sum()} of held light"
-            raster.text(1.01, band, total, transform=raster.get_yaxis_transform(), va="center", fontsize=8)
-        raster.set_yticks(range(len(names)), names)
-        raster.set_ylim(len(names) - 0.4, -0.6)
-        raster.set_ylabel(case.columns.band_label)
-        raster.grid(False)
-        profile.plot(motion.angles, color="#000000", linewidth=1.6)
-        profile.set(xlabel="Frame", ylabel="Angle (degrees)", xlim=(0, len(motion.angles) - 1))
-        for axes in (raster, profile):
-            axes.axvline(motion.stop, color="#888888", linewidth=1)
+    with sheet.plot("resets.png", caption, 2, 1, (8.8, 5.2), **options) as (figure, both):
+        draw_resets(both, case.columns, case.motion, layers, notes)
         figure.suptitle(f"Bands that PBI-30 starts anew under {case.env.name}", fontsize=11)
 
 

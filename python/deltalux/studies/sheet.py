@@ -7,10 +7,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ..io import save_image
 from ..machine import machine
 from ..output import write_csv
 from ..page import Page, figure, table
@@ -62,12 +58,6 @@ class Sheet:
         path = self._path(kind)
         with drawing(path, rows, columns, size, **options) as drawn:
             yield drawn
-        self._page.add(figure(path.name, caption, f"{caption.partition('.')[0]}: {self._title}", path.name))
-
-    def picture(self, kind: str, pixels: NDArray[np.uint8], caption: str) -> None:
-        """An image (h, w, 3) for a display."""
-        path = self._path(kind)
-        save_image(path, pixels)
         self._page.add(figure(path.name, caption, f"{caption.partition('.')[0]}: {self._title}", path.name))
 
     def csv(self, kind: str, rows: Sequence[Mapping[str, Any]]) -> None:
