@@ -5,7 +5,7 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicU32, AtomicU64, AtomicUsize, Ordering};
-use std::sync::mpsc;
+use std::sync::{Mutex, PoisonError, mpsc};
 use std::time::Duration;
 
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
@@ -57,6 +57,30 @@ fn caught<T>(work: impl FnOnce() -> T) -> PyResult<T> {
 pub(crate) fn compute<T: Send>(py: Python<'_>, work: impl FnOnce() -> Result<T> + Send) -> PyResult<T> {
     let pool = pool()?;
     py.detach(|| caught(|| pool.install(work)))?.map_err(PyErr::from)
+}
+
+/// Short work on something that threads share. The order is the rule of the whole boundary: let go of the interpreter,
+/// take the lock on the calling thread, and only then enter the pool. Work that is in the pool already and waits for a
+/// lock may have been stolen by the very thread that holds it.
+///
+/// A panic elsewhere leaves a state that is still whole: its owner changes it only once all that can fail is done.
+pub(crate) fn compute_on<S: Send, T: Send>(
+    py: Python<'_>,
+    shared: &Mutex<S>,
+    work: impl FnOnce(&mut S) -> Result<T> + Send,
+) -> PyResult<T> {
+    let pool = pool()?;
+    py.detach(|| {
+        let mut guard = shared.lock().unwrap_or_else(PoisonError::into_inner);
+        let state = &mut *guard;
+        caught(|| pool.install(|| work(state)))
+    })?
+    .map_err(PyErr::from)
+}
+
+/// A look at something that threads share, which needs no pool; the interpreter is free while it waits.
+pub(crate) fn look_at<S: Send, T: Send>(py: Python<'_>, shared: &Mutex<S>, look: impl FnOnce(&S) -> T + Send) -> T {
+    py.detach(|| look(&shared.lock().unwrap_or_else(PoisonError::into_inner)))
 }
 
 /// What long work reads and reports: whether to stop, and how far it is.

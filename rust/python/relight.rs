@@ -3,13 +3,14 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use numpy::ndarray::ArrayView2;
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
+use numpy::{IntoPyArray, PyArray2, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
 
-use crate::error::{Error, Result};
+use crate::error::Error;
 use crate::update::{Initial, Updater as Core};
 
-use super::compute;
+use super::light::table;
+use super::{compute, compute_on, look_at};
 use super::transport::Transport;
 use super::update::{SettingsItems, UpdateArrays, coefficients, update_arrays};
 
@@ -74,13 +75,6 @@ impl Picture {
 /// B (rows, 3), the update, the bound in three colours, converged, seconds of choosing and of multiplying.
 type Stepped<'py> = (Bound<'py, PyArray2<f32>>, UpdateArrays<'py>, [f64; 3], bool, f64, f64);
 
-impl Updater {
-    fn with<T>(&self, work: impl FnOnce(&mut Core) -> T) -> T {
-        // A step that panicked is reported as such; the lock itself holds no half-made state worth refusing.
-        work(&mut self.state.lock().unwrap_or_else(PoisonError::into_inner))
-    }
-}
-
 #[pymethods]
 impl Updater {
     /// `full`: the first step applies the whole light.
@@ -102,14 +96,11 @@ impl Updater {
         seconds: Option<f64>,
     ) -> PyResult<Stepped<'py>> {
         let light = coefficients(&light)?;
-        let (picture, step) = compute(py, || {
-            let mut picture = Picture { values: self.spare.take(3 * self.rows), spare: self.spare.clone() };
-            let out = &mut picture.values;
-            let step = self.with(|state| match seconds {
-                Some(seconds) => state.step_within(light, out, seconds),
-                None => state.step(light, out),
-            })?;
-            Ok((picture, step))
+        let mut picture = Picture { values: self.spare.take(3 * self.rows), spare: self.spare.clone() };
+        let out = &mut picture.values;
+        let step = compute_on(py, &self.state, |state| match seconds {
+            Some(seconds) => state.step_within(light, out, seconds),
+            None => state.step(light, out),
         })?;
         let values = picture.array(py, self.rows)?;
         let update = update_arrays(py, step.update)?;
@@ -120,13 +111,13 @@ impl Updater {
     fn bounds<'py>(&self, py: Python<'py>, shown: PyReadonlyArray2<'py, f32>) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let shown: Vec<f32> = shown.as_array().iter().copied().collect();
         let rows = self.rows;
-        let out = compute(py, || -> Result<Vec<f32>> {
+        let out = compute_on(py, &self.state, |state| {
             if shown.len() != 3 * rows {
                 let found = shown.len();
                 return Err(Error::input(format!("expected {rows} x 3 values, got {found}")));
             }
             let mut out = vec![0f32; 3 * rows];
-            self.with(|state| state.bounds(&shown, &mut out))?;
+            state.bounds(&shown, &mut out)?;
             Ok(out)
         })?;
         out.into_pyarray(py).reshape([rows, 3])
@@ -134,13 +125,14 @@ impl Updater {
 
     /// V as applied so far: (columns, 3) float64.
     fn values<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        self.with(|state| PyArray1::from_slice(py, state.values().as_flattened()).reshape([state.values().len(), 3]))
+        let values = look_at(py, &self.state, |state| state.values().to_vec());
+        table(py, values)
     }
 
     /// Bytes beyond M, with those of pictures that wait to be written again.
     #[getter]
-    fn nbytes(&self) -> usize {
-        self.with(|state| state.nbytes()) + self.spare.nbytes()
+    fn nbytes(&self, py: Python<'_>) -> usize {
+        look_at(py, &self.state, |state| state.nbytes()) + self.spare.nbytes()
     }
 }
 

@@ -1,7 +1,7 @@
 //! The transport floor for Python: an opened M, and tiles that are passed to a writer unseen.
 
 use std::path::PathBuf;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3,
@@ -49,13 +49,19 @@ impl TileData {
 #[pyclass(frozen, module = "deltalux._core")]
 pub(crate) struct Transport {
     pub(crate) matrix: Arc<TransportMatrix>,
-    /// What the grid of a product follows; found when it is first asked for.
-    row_norm: OnceLock<RowNorm>,
+    /// What the grid of a product follows.
+    row_norm: RowNorm,
     /// What only a file has.
     file: Option<Opened>,
 }
 
 impl Transport {
+    /// Looks once through the norms of all rows, in parallel: never later, inside a guard that other work may wait for.
+    fn new(matrix: Arc<TransportMatrix>, file: Option<Opened>) -> Self {
+        let row_norm = RowNorm::of(&matrix);
+        Transport { matrix, row_norm, file }
+    }
+
     fn file(&self) -> Result<&Opened> {
         self.file.as_ref().ok_or_else(|| Error::input("expected a transport that was opened from a file"))
     }
@@ -98,8 +104,10 @@ impl Transport {
     /// Raises `FileError` (a `ValueError`) where a file is not what it claims to be, `OSError` where it cannot be read.
     #[staticmethod]
     fn open(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let opened = compute(py, || open(&path))?;
-        Ok(Transport { matrix: Arc::clone(&opened.matrix), row_norm: OnceLock::new(), file: Some(opened) })
+        compute(py, || {
+            let opened = open(&path)?;
+            Ok(Transport::new(Arc::clone(&opened.matrix), Some(opened)))
+        })
     }
 
     /// Compresses a dense array (rows, columns) of float64 in memory.
@@ -118,11 +126,10 @@ impl Transport {
         let dense = Dense::new(rows, width_of_array, array.as_array().iter().copied().collect());
         let space: crate::basis::ColumnSpace = columns.parse()?;
         let width = parse_width(width)?;
-        let matrix = compute(py, || {
+        compute(py, || {
             let rule = Truncation::new(&space.bands(), threshold, quantum, width)?;
-            dense.compress(space, &rule, tile_rows)
-        })?;
-        Ok(Transport { matrix: Arc::new(matrix), row_norm: OnceLock::new(), file: None })
+            Ok(Transport::new(Arc::new(dense.compress(space, &rule, tile_rows)?), None))
+        })
     }
 
     #[getter]
@@ -314,10 +321,8 @@ impl Transport {
     fn audit(&self, py: Python<'_>) -> PyResult<Option<(Py<PyArray1<u32>>, Transport)>> {
         let Some(audit) = &self.file()?.audit else { return Ok(None) };
         let groups = PyArray1::from_slice(py, &audit.groups).unbind();
-        Ok(Some((
-            groups,
-            Transport { matrix: Arc::new(self.audit_matrix(audit)), row_norm: OnceLock::new(), file: None },
-        )))
+        let matrix = Arc::new(self.audit_matrix(audit));
+        Ok(Some((groups, compute(py, || Ok(Transport::new(matrix, None)))?)))
     }
 
     /// B = M V for (k, columns, 3) float64: (k, rows, 3) float32.
@@ -332,8 +337,7 @@ impl Transport {
         let out = compute(py, || {
             let lights: Vec<&[[f64; 3]]> = flat.chunks_exact(per_light).map(|light| light.as_chunks().0).collect();
             let mut out = vec![0f32; count * rows * 3];
-            let row_norm = *self.row_norm.get_or_init(|| RowNorm::of(&self.matrix));
-            multiply(&self.matrix, row_norm, &lights, &mut out)?;
+            multiply(&self.matrix, self.row_norm, &lights, &mut out)?;
             Ok(out)
         })?;
         out.into_pyarray(py).reshape([count, rows, 3])
@@ -379,8 +383,7 @@ impl Transport {
         quantum: Option<i32>,
     ) -> PyResult<Transport> {
         let rule = self.rule(threshold, width, quantum)?;
-        let matrix = compute(py, || self.matrix.truncated(&rule))?;
-        Ok(Transport { matrix: Arc::new(matrix), row_norm: OnceLock::new(), file: None })
+        compute(py, || Ok(Transport::new(Arc::new(self.matrix.truncated(&rule)?), None)))
     }
 
     /// Writes M under a coarser rule as a transport of its own, shard by shard, with the same receivers and audit.

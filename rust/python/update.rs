@@ -1,6 +1,6 @@
 //! Choosing, from Python: `Approximation`, and the settings that every follower of V takes.
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::Mutex;
 
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -9,7 +9,8 @@ use crate::basis::{Bands, ColumnSpace};
 use crate::error::{Error, Result};
 use crate::update::{self, BandTest, Budget, Channels, Method, Norm, Settings};
 
-use super::compute;
+use super::light::table;
+use super::{compute_on, look_at};
 
 /// The dictionary that `approximation.settings` makes; the dataclasses of `methods.py` have checked its words.
 #[derive(FromPyObject)]
@@ -104,13 +105,6 @@ struct Approximation {
     state: Mutex<update::Approximation>,
 }
 
-impl Approximation {
-    /// A panic elsewhere leaves a state that is still whole: a step changes it only once all has been chosen.
-    fn state(&self) -> MutexGuard<'_, update::Approximation> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
 #[pymethods]
 impl Approximation {
     /// `starts`: the first column of every band, then the number of columns; `areas`: one a column.
@@ -121,30 +115,28 @@ impl Approximation {
     }
 
     /// The number of columns.
-    fn __len__(&self) -> usize {
-        self.state().bands().columns()
+    fn __len__(&self, py: Python<'_>) -> usize {
+        look_at(py, &self.state, |state| state.bands().columns())
     }
 
     fn step<'py>(&self, py: Python<'py>, target: PyReadonlyArray2<'py, f64>) -> PyResult<UpdateArrays<'py>> {
         let target = coefficients(&target)?;
-        let update = compute(py, || self.state().step(target))?;
+        let update = compute_on(py, &self.state, |state| state.step(target))?;
         update_arrays(py, update)
     }
 
     fn values<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let values = self.state().values().as_flattened().to_vec();
-        let columns = values.len() / 3;
-        PyArray1::from_vec(py, values).reshape([columns, 3])
+        table(py, look_at(py, &self.state, |state| state.values().to_vec()))
     }
 
     fn set_values(&self, py: Python<'_>, values: PyReadonlyArray2<f64>) -> PyResult<()> {
         let values = coefficients(&values)?;
-        compute(py, || self.state().set_values(values))
+        compute_on(py, &self.state, |state| state.set_values(values))
     }
 
     fn is_converged(&self, py: Python<'_>, target: PyReadonlyArray2<f64>) -> PyResult<bool> {
         let target = coefficients(&target)?;
-        compute(py, || Ok(self.state().is_converged(target)))
+        Ok(look_at(py, &self.state, |state| state.is_converged(target)))
     }
 }
 

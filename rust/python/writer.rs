@@ -1,7 +1,7 @@
 //! Writing transports from Python, shard by shard.
 
 use std::path::PathBuf;
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -10,18 +10,12 @@ use crate::error::{Error, Result};
 use crate::transport::manifest::TILES_PER_SHARD;
 use crate::transport::{Audit, Description, ReceiverTable, Tile, Writer};
 
-use super::compute;
+use super::{compute, compute_on, look_at};
 use super::transport::{TileData, parse_width};
 
 /// Writes a transport shard by shard; the target is only touched when all is whole.
 #[pyclass(frozen, module = "deltalux._core")]
 struct TransportWriter(Mutex<Option<Writer>>);
-
-impl TransportWriter {
-    fn with<T>(&self, work: impl FnOnce(&mut Option<Writer>) -> Result<T>) -> Result<T> {
-        work(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
-    }
-}
 
 fn finished_error() -> Error {
     Error::input("this writer has finished: open another one")
@@ -41,14 +35,14 @@ impl TransportWriter {
     const TILES_PER_SHARD: usize = TILES_PER_SHARD;
 
     /// Numbers of the shards that need not be computed again, ascending.
-    fn finished(&self) -> PyResult<Vec<usize>> {
-        Ok(self.with(|writer| Ok(writer.as_ref().ok_or_else(finished_error)?.finished()))?)
+    fn finished(&self, py: Python<'_>) -> PyResult<Vec<usize>> {
+        Ok(look_at(py, &self.0, |writer| writer.as_ref().map(Writer::finished)).ok_or_else(finished_error)?)
     }
 
     /// Writes the tiles of a shard (tiles 4 number, 4 number + 1, ...); returns the bytes written.
     fn write_shard(&self, py: Python<'_>, number: usize, tiles: Vec<Py<TileData>>) -> PyResult<u64> {
         let tiles: Vec<Tile> = tiles.iter().map(|tile| tile.get().0.clone()).collect();
-        compute(py, || self.with(|writer| writer.as_mut().ok_or_else(finished_error)?.write_shard(number, &tiles)))
+        compute_on(py, &self.0, |writer| writer.as_mut().ok_or_else(finished_error)?.write_shard(number, &tiles))
     }
 
     /// Writes the receivers, the audit and the manifest, checks everything, and puts the result in its place.
@@ -102,11 +96,9 @@ impl TransportWriter {
             background: to_vec(&background).into(),
         };
         let audit = audit.map(|(groups, tile)| Audit { groups: to_vec(&groups).into(), tile: tile.get().0.clone() });
-        compute(py, || {
-            self.with(|writer| {
-                receivers.check(rows, about.image).map_err(Error::Input)?;
-                writer.take().ok_or_else(finished_error)?.finish(&about, &receivers, audit.as_ref())
-            })
+        compute_on(py, &self.0, |writer| {
+            receivers.check(rows, about.image).map_err(Error::Input)?;
+            writer.take().ok_or_else(finished_error)?.finish(&about, &receivers, audit.as_ref())
         })
     }
 }

@@ -1,0 +1,163 @@
+"""Objects that threads share: no call waits for another for ever, and what comes out is what one thread gets.
+
+Each object is shared between two and eight threads over a transport of several tiles, so that every call is split over
+the pool: work that waits for a lock inside the pool is stolen by the thread that holds the lock, sooner or later.
+"""
+
+from __future__ import annotations
+
+import itertools
+import threading
+
+import deltalux as dl
+import numpy as np
+import pytest
+from deltalux import _core
+
+COLUMNS = dl.Haar(8)
+CALLS = 60
+
+pytestmark = pytest.mark.timeout(120)
+
+
+def tiled(rows: int = 1024, tile_rows: int = 64, seed: int = 0) -> dl.Transport:
+    rng = np.random.default_rng(seed)
+    M = 0.05 * rng.normal(size=(rows, COLUMNS.columns)) * (rng.random((rows, COLUMNS.columns)) < 0.2)
+    return dl.Transport(_core.Transport.from_dense(M, columns=str(COLUMNS), tile_rows=tile_rows))
+
+
+@pytest.fixture(scope="module")
+def transport():
+    return tiled()
+
+
+@pytest.fixture(scope="module")
+def lights():
+    return list(np.random.default_rng(1).normal(size=(8, COLUMNS.columns, 3)))
+
+
+def together(threads: int, work) -> None:
+    """Runs work(k) in so many threads that start at once; what any of them raises is raised here."""
+    start, raised = threading.Barrier(threads), []
+
+    def run(k: int) -> None:
+        try:
+            start.wait()
+            work(k)
+        except BaseException as error:
+            raised.append(error)
+
+    running = [threading.Thread(target=run, args=(k,), daemon=True) for k in range(threads)]
+    for thread in running:
+        thread.start()
+    for thread in running:
+        thread.join(60)
+        assert not thread.is_alive(), "a thread hangs"
+    if raised:
+        raise raised[0]
+
+
+both = pytest.mark.parametrize("threads", [2, 8])
+
+
+@both
+def test_a_relighter_shared_by_threads(transport, lights, threads):
+    relighter = dl.Relighter(transport, dl.PerBand(terms=200))
+
+    def work(k):
+        for call in range(CALLS):
+            frame = relighter.step(lights[(call + k) % len(lights)])
+            assert np.isfinite(frame.values).all() and relighter.nbytes > 0 and relighter.values.shape
+            if call % 8 == 0:
+                relighter.bounds(frame)
+
+    together(threads, work)
+    frame = relighter.step(lights[0])
+    np.testing.assert_array_equal(frame.values, transport.multiply(relighter.values))
+
+
+@both
+def test_an_approximation_shared_by_threads(lights, threads):
+    approximation = dl.Approximation(COLUMNS, dl.PerBand(terms=50))
+
+    def work(k):
+        for call in range(CALLS):
+            approximation.step(lights[(call + k) % len(lights)])
+            approximation.is_converged(approximation.values)
+
+    together(threads, work)
+
+
+@both
+def test_the_first_product_of_a_transport_by_all_threads_at_once(lights, threads):
+    fresh = [tiled(seed=seed) for seed in range(CALLS)]
+    products = [[None] * threads for _ in fresh]
+
+    def work(k):
+        for transport, row in zip(fresh, products, strict=True):
+            row[k] = transport.multiply(lights[0])
+
+    together(threads, work)
+    for row in products:
+        assert all(np.array_equal(row[0], other) for other in row[1:])
+
+
+@both
+def test_a_transport_asked_everything_by_all_threads(transport, lights, threads):
+    asked = [
+        lambda: transport.multiply(np.stack(lights)),
+        lambda: transport.column_norms,
+        lambda: transport.column_bytes,
+        lambda: transport.to_scipy(),
+        lambda: transport.rmatmat(np.ones(transport.shape[0])),
+        lambda: transport.row(5),
+        lambda: dl.Relighter(transport, dl.Incremental(terms=5)).step(lights[0]),
+    ]
+
+    def work(k):
+        for call in range(CALLS):
+            asked[(call + k) % len(asked)]()
+
+    together(threads, work)
+
+
+@both
+def test_an_environment_prepared_by_all_threads_at_once(threads):
+    rng = np.random.default_rng(2)
+    for _ in range(8):
+        env = dl.Environment.from_latlong(rng.random((32, 64, 3)))
+        found = [None] * threads
+
+        def work(k, env=env, found=found):
+            found[k] = [(columns, columns.coefficients(env)) for columns in (dl.Haar(16), dl.SphericalHarmonics(6))]
+
+        together(threads, work)
+        for mine, theirs in itertools.pairwise(found):
+            assert all(np.array_equal(a[1], b[1]) for a, b in zip(mine, theirs, strict=True))
+
+
+@both
+def test_many_files_opened_and_written_by_all_threads(tmp_path, threads):
+    scene = dl.Scene.builtin("cornell")
+    scene = scene.with_camera(scene.camera.resized(24, 24))
+
+    def work(k):
+        path = tmp_path / f"{k}.transport"
+        made = dl.precompute(scene, path, columns=dl.Haar(4), quality="preview", progress=False)
+        again = [dl.Transport.open(path) for _ in range(4)]
+        assert all(transport.nbytes == made.nbytes for transport in again)
+
+    together(threads, work)
+
+
+@both
+def test_a_writer_shared_by_threads(tmp_path, threads):
+    writer = _core.TransportWriter(tmp_path / "a.transport", "{}")
+    tiles = tiled()._core.tiles()
+
+    def work(k):
+        for call in range(8):
+            writer.write_shard((call + k) % 4, tiles[:4])
+            assert writer.finished()
+
+    together(threads, work)
