@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use _core::basis::haar::Haar;
 use _core::light::{EnvironmentMap, Layout};
-use _core::update::{Approximation, BandTest, Budget, Channels, Grid, Method, Norm, RowNorm, Settings, light_norm};
+use _core::update::{Approximation, BandTest, Budget, Colours, Grid, Method, Norm, RowNorm, Settings, light_norm};
 use criterion::Criterion;
 
 const SIZE: usize = 64;
@@ -68,7 +68,7 @@ fn approximation(haar: &Haar, method: Method, terms: usize) -> Approximation {
         budget: Budget::Terms(terms),
         weights: bands.areas.clone(),
         costs: Vec::new(),
-        channels: Channels::Joint,
+        channels: Colours::Joint,
     };
     Approximation::new(bands, settings).expect("valid settings")
 }

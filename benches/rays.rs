@@ -7,7 +7,8 @@ mod common;
 
 use std::hint::black_box;
 
-use _core::scene::{BUNDLE, Bundle, LIFT, Mesh, Tracer, Walk, beam};
+use _core::scene::Mesh;
+use _core::scene::rays::{BUNDLE, Bundle, LIFT, Tracer, Walk, beam};
 use common::Random;
 use criterion::{Criterion, Throughput};
 

@@ -22,83 +22,8 @@ use rayon::prelude::*;
 use crate::error::Result;
 
 use super::bands::ColumnSpace;
-
-/// A texel's worth of numbers that are transformed alike: a scalar, a colour, or 16 neighbouring rows of M.
-pub trait Lane: Copy + Send + Sync {
-    const ZERO: Self;
-
-    /// Σ weights[k] * lanes[k].
-    fn combine(lanes: [&Self; 4], weights: [f64; 4]) -> Self;
-
-    /// self + weight * other.
-    fn plus(&self, other: &Self, weight: f64) -> Self;
-}
-
-impl Lane for f64 {
-    const ZERO: f64 = 0.0;
-
-    #[inline(always)]
-    fn combine([a, b, c, d]: [&f64; 4], w: [f64; 4]) -> f64 {
-        (w[0] * a + w[1] * b) + (w[2] * c + w[3] * d)
-    }
-
-    #[inline(always)]
-    fn plus(&self, other: &f64, weight: f64) -> f64 {
-        self + weight * other
-    }
-}
-
-impl Lane for [f64; 3] {
-    const ZERO: [f64; 3] = [0.0; 3];
-
-    #[inline(always)]
-    fn combine([a, b, c, d]: [&[f64; 3]; 4], w: [f64; 4]) -> [f64; 3] {
-        std::array::from_fn(|i| (w[0] * a[i] + w[1] * b[i]) + (w[2] * c[i] + w[3] * d[i]))
-    }
-
-    #[inline(always)]
-    fn plus(&self, other: &[f64; 3], weight: f64) -> [f64; 3] {
-        std::array::from_fn(|i| self[i] + weight * other[i])
-    }
-}
-
-impl Lane for [f32; 16] {
-    const ZERO: [f32; 16] = [0.0; 16];
-
-    #[inline(always)]
-    fn combine([a, b, c, d]: [&[f32; 16]; 4], w: [f64; 4]) -> [f32; 16] {
-        let w = w.map(|weight| weight as f32);
-        let mut sum = [0.0; 16];
-        for i in 0..16 {
-            sum[i] = (w[0] * a[i] + w[1] * b[i]) + (w[2] * c[i] + w[3] * d[i]);
-        }
-        sum
-    }
-
-    #[inline(always)]
-    fn plus(&self, other: &[f32; 16], weight: f64) -> [f32; 16] {
-        let weight = weight as f32;
-        let mut sum = *self;
-        for i in 0..16 {
-            sum[i] += weight * other[i];
-        }
-        sum
-    }
-}
-
-/// The solid angle of the part [x0, x1] x [y0, y1] of a cube's face at distance 1, from the antiderivative at its corners.
-pub fn rectangle_solid_angle([x0, x1]: [f64; 2], [y0, y1]: [f64; 2]) -> f64 {
-    let corner = |x: f64, y: f64| (x * y).atan2((x * x + y * y + 1.0).sqrt());
-    (corner(x1, y1) + corner(x0, y0)) - (corner(x0, y1) + corner(x1, y0))
-}
-
-/// The solid angles of one face's `size` x `size` texels, row by row; the six faces are alike.
-pub fn solid_angles(size: usize) -> Vec<f64> {
-    // (2k - n) / n keeps the edges odd-symmetric to the last bit, so mirrored texels get equal areas.
-    let edge = |k: usize| (2.0 * k as f64 - size as f64) / size as f64;
-    let span = |k: usize| [edge(k), edge(k + 1)];
-    (0..size * size).map(|texel| rectangle_solid_angle(span(texel % size), span(texel / size))).collect()
-}
+use super::cubemap::solid_angles;
+use super::texel::Texel;
 
 /// The transform for one face size.
 pub struct Haar {
@@ -158,7 +83,7 @@ impl Haar {
 
     /// Transforms one face. `texels` (its n² values, already times sqrt(dω)) is scratch and destroyed; the face's columns
     /// of `coefficients` (the whole vector) are written, the others left alone.
-    pub fn forward_face<L: Lane>(&self, face: usize, texels: &mut [L], coefficients: &mut [L]) {
+    pub fn forward_face<L: Texel>(&self, face: usize, texels: &mut [L], coefficients: &mut [L]) {
         let [mut own] = self.face_columns(coefficients, [face]);
         analyse(&self.weights, texels, &mut own);
     }
@@ -192,7 +117,7 @@ impl Haar {
                 let lanes = [&coarse[block], h, d, v];
                 let rows = [[w0, w1, w2, w3], [w1, -w0, -w3, w2], [w2, w3, -w0, -w1], [w3, -w2, w1, -w0]];
                 for (child, row) in children(block, side).into_iter().zip(rows) {
-                    fine[child] = Lane::combine(lanes, row);
+                    fine[child] = Texel::combine(lanes, row);
                 }
             }
             coarse = fine;
@@ -224,7 +149,7 @@ fn children(block: usize, side: usize) -> [usize; 4] {
 }
 
 /// All levels of one face, finest first; `own[0]` takes the scaling coefficient, `own[l + 1]` level l.
-fn analyse<L: Lane>(weights: &[Vec<[f64; 4]>], texels: &mut [L], own: &mut [&mut [L]]) {
+fn analyse<L: Texel>(weights: &[Vec<[f64; 4]>], texels: &mut [L], own: &mut [&mut [L]]) {
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("avx2") {
         // SAFETY: the processor has AVX2.
@@ -235,13 +160,13 @@ fn analyse<L: Lane>(weights: &[Vec<[f64; 4]>], texels: &mut [L], own: &mut [&mut
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn analyse_avx2<L: Lane>(weights: &[Vec<[f64; 4]>], texels: &mut [L], own: &mut [&mut [L]]) {
+fn analyse_avx2<L: Texel>(weights: &[Vec<[f64; 4]>], texels: &mut [L], own: &mut [&mut [L]]) {
     analyse_any(weights, texels, own)
 }
 
 /// The same operations in the same order on every machine (no fused multiply-add), hence the same bits.
 #[inline(always)]
-fn analyse_any<L: Lane>(weights: &[Vec<[f64; 4]>], texels: &mut [L], own: &mut [&mut [L]]) {
+fn analyse_any<L: Texel>(weights: &[Vec<[f64; 4]>], texels: &mut [L], own: &mut [&mut [L]]) {
     for (level, weights) in weights.iter().enumerate().rev() {
         let side = 1 << level;
         for row in 0..side {

@@ -1,7 +1,12 @@
 //! Pure mathematics: the bases in which light and transport are measured. No rays, no images.
 
 pub mod bands;
+pub mod cubemap;
 pub mod haar;
+pub mod harmonic_projection;
 pub mod spherical_harmonics;
+pub mod texel;
 
 pub use bands::{Bands, ColumnSpace};
+pub use harmonic_projection::{HARMONIC_FACE, HarmonicProjection};
+pub use texel::Texel;

@@ -2,9 +2,9 @@
 
 use std::ops::Range;
 
-use super::cubemap::{direction_to_face_uv, face_point, rectangle_solid_angle};
-use super::environment::Layout;
+use super::layout::Layout;
 use super::lookup::{lat_long_area, lat_long_direction};
+use crate::basis::cubemap::{direction_to_face_uv, face_point, rectangle_solid_angle};
 
 /// Bright pixels are those above this multiple of the map's mean magnitude...
 const BRIGHT: f64 = 4.0;

@@ -19,24 +19,17 @@
 //! A lat-long image means its bilinear interpolation, a cubemap its piecewise-constant texels.
 
 use std::collections::HashMap;
-use std::f64::consts::PI;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use rayon::prelude::*;
 
+use crate::basis::spherical_harmonics::Rotation;
+use crate::basis::{HARMONIC_FACE, HarmonicProjection};
 use crate::error::{Error, Result};
 
+use super::layout::{Layout, unrotate};
 use super::lookup::{lat_long, seamless};
 use super::resample::Prepared;
-
-/// How a map's pixels lie on the sphere.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Layout {
-    /// `height` rows from the +Y pole, u = atan2(x, -z) / 2π along them.
-    LatLong { width: usize, height: usize },
-    /// Six faces of `size` x `size` texels.
-    Cubemap { size: usize },
-}
 
 /// A map of distant radiance.
 pub struct EnvironmentMap {
@@ -44,7 +37,7 @@ pub struct EnvironmentMap {
     pixels: Vec<[f32; 3]>,
     /// What `resample` needs for each size, made on first use.
     prepared: Mutex<HashMap<usize, Arc<Prepared>>>,
-    /// Its coefficients in the spherical harmonics of each order (`projection.rs`), made on first use.
+    /// Its coefficients in the spherical harmonics of each order (`basis/harmonic_projection.rs`), made on first use.
     harmonics: Mutex<HashMap<usize, Arc<Vec<[f64; 3]>>>>,
 }
 
@@ -71,6 +64,22 @@ impl EnvironmentMap {
         self.prepare(size).add(rotation, scale, radiance);
     }
 
+    /// Adds to `coefficients` this map's, turned by `rotation` and times `scale`.
+    ///
+    /// The map is projected once; every frame turns those coefficients. Nothing is resampled then, so that neither
+    /// interpolation nor a rotation of a rotation adds an error.
+    pub fn project(&self, order: usize, rotation: &[[f64; 3]; 3], scale: f64, sum: &mut [[f64; 3]]) -> Result<()> {
+        let original = self.harmonics(order, || {
+            let mut radiance = vec![[0.0; 3]; 6 * HARMONIC_FACE * HARMONIC_FACE];
+            self.resample(HARMONIC_FACE, &[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], 1.0, &mut radiance);
+            Ok(HarmonicProjection::shared(order)?.forward(&radiance))
+        })?;
+        for (total, own) in sum.iter_mut().zip(Rotation::new(order, rotation)?.apply(&original)) {
+            (0..3).for_each(|channel| total[channel] += scale * own[channel]);
+        }
+        Ok(())
+    }
+
     /// Radiance from unit directions, bilinear between the map's own pixels.
     pub fn sample(&self, directions: &[[f64; 3]], rotation: &[[f64; 3]; 3], scale: f64) -> Vec<[f32; 3]> {
         let look = |&direction: &[f64; 3]| self.lookup(unrotate(rotation, direction)).map(|c| (c * scale) as f32);
@@ -94,11 +103,7 @@ impl EnvironmentMap {
     }
 
     /// The coefficients of an order, once; the lock is not held while they are made (see `prepare`).
-    pub(super) fn harmonics(
-        &self,
-        order: usize,
-        make: impl FnOnce() -> Result<Vec<[f64; 3]>>,
-    ) -> Result<Arc<Vec<[f64; 3]>>> {
+    fn harmonics(&self, order: usize, make: impl FnOnce() -> Result<Vec<[f64; 3]>>) -> Result<Arc<Vec<[f64; 3]>>> {
         let known = self.harmonics.lock().unwrap_or_else(PoisonError::into_inner).get(&order).cloned();
         match known {
             Some(made) => Ok(made),
@@ -115,26 +120,4 @@ impl EnvironmentMap {
             Layout::Cubemap { size } => seamless(&self.pixels, size, direction),
         }
     }
-}
-
-impl Layout {
-    pub fn pixels(self) -> usize {
-        match self {
-            Layout::LatLong { width, height } => width * height,
-            Layout::Cubemap { size } => 6 * size * size,
-        }
-    }
-
-    /// The width of a pixel, in radians, where it is widest.
-    pub(super) fn pitch(self) -> f64 {
-        match self {
-            Layout::LatLong { width, height } => (2.0 * PI / width as f64).max(PI / height as f64),
-            Layout::Cubemap { size } => 2.0 / size as f64,
-        }
-    }
-}
-
-/// R^-1 d for an orthogonal R.
-pub(super) fn unrotate(rotation: &[[f64; 3]; 3], d: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|k| rotation[0][k] * d[0] + rotation[1][k] * d[1] + rotation[2][k] * d[2])
 }

@@ -4,8 +4,8 @@ use std::f64::consts::PI;
 
 use rayon::prelude::*;
 
-use super::cubemap::{direction_to_face_uv, face_point, rectangle_solid_angle, solid_angles, texel_centre};
-use super::environment::Layout;
+use super::layout::Layout;
+use crate::basis::cubemap::{direction_to_face_uv, face_point, rectangle_solid_angle, solid_angles, texel_centre};
 
 /// The weighted mean of `a` and `b`, at `f` of the way.
 fn mix(a: [f64; 3], b: [f64; 3], f: f64) -> [f64; 3] {

@@ -1,12 +1,11 @@
-//! Distant light: cubemaps of radiance, and environment maps that are rotated and resampled to them every frame.
+//! Distant light: environment maps, rotated and resampled to cubemaps every frame.
 
-pub mod cubemap;
 pub mod environment;
-pub mod projection;
+pub mod layout;
 
 mod bright;
 mod lookup;
 mod resample;
 
-pub use environment::{EnvironmentMap, Layout};
-pub use projection::{HARMONIC_FACE, HarmonicProjection};
+pub use environment::EnvironmentMap;
+pub use layout::Layout;

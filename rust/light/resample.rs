@@ -6,9 +6,9 @@ use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
 use rayon::prelude::*;
 
 use super::bright::{self, Placed, Square};
-use super::cubemap::{face_basis, solid_angles, texel_centre};
-use super::environment::{Layout, unrotate};
+use super::layout::{Layout, unrotate};
 use super::lookup::{average, bordered};
+use crate::basis::cubemap::{face_basis, solid_angles, texel_centre};
 
 /// Target texels that are looked up together.
 const CHUNK: usize = 64;
@@ -36,7 +36,7 @@ struct Level {
 }
 
 /// The rotated frame of a target face in the map's own axes: direction = s * right + t * down + out.
-type Frame = [[f32; 3]; 3];
+type Axes = [[f32; 3]; 3];
 
 /// A few rows of a target face.
 struct Strip<'a> {
@@ -80,7 +80,7 @@ impl Prepared {
 
     /// Adds the rotated and scaled map to a cubemap.
     pub fn add(&self, rotation: &[[f64; 3]; 3], scale: f64, radiance: &mut [[f32; 3]]) {
-        let frames: [Frame; 6] = std::array::from_fn(|face| {
+        let frames: [Axes; 6] = std::array::from_fn(|face| {
             face_basis(face).map(|axis| unrotate(rotation, axis).map(|component| component as f32))
         });
         let placed: Vec<Placed> = self.bright.par_iter().map(|square| square.place(self.size, rotation)).collect();
@@ -114,7 +114,7 @@ impl Prepared {
         faces.flat_map(of_face).collect()
     }
 
-    fn add_base(&self, frame: &Frame, row: usize, scale: f32, texels: &mut [[f32; 3]]) {
+    fn add_base(&self, frame: &Axes, row: usize, scale: f32, texels: &mut [[f32; 3]]) {
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has AVX2.
@@ -125,13 +125,13 @@ impl Prepared {
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn add_base_avx2(&self, frame: &Frame, row: usize, scale: f32, texels: &mut [[f32; 3]]) {
+    fn add_base_avx2(&self, frame: &Axes, row: usize, scale: f32, texels: &mut [[f32; 3]]) {
         self.add_base_any(frame, row, scale, texels)
     }
 
     /// One row of target texels.
     #[inline(always)]
-    fn add_base_any(&self, frame: &Frame, row: usize, scale: f32, texels: &mut [[f32; 3]]) {
+    fn add_base_any(&self, frame: &Axes, row: usize, scale: f32, texels: &mut [[f32; 3]]) {
         let mut points = Points::new();
         // Four lanes, of which three are wanted: whole vectors.
         let mut values = [[0.0f32; 4]; CHUNK];
@@ -167,7 +167,7 @@ impl Points {
 
     /// The centres of row `row` of a face of `size` texels, from column `first` on (some may lie beyond the face).
     #[inline(always)]
-    fn fill(&mut self, frame: &Frame, size: usize, row: usize, first: usize) {
+    fn fill(&mut self, frame: &Axes, size: usize, row: usize, first: usize) {
         let [right, down, out] = frame;
         let t = texel_centre(size, row) as f32;
         let start: [f32; 3] = std::array::from_fn(|axis| t * down[axis] + out[axis]);

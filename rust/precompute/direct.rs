@@ -16,7 +16,8 @@ use rayon::prelude::*;
 
 use crate::basis::{Bands, ColumnSpace};
 use crate::error::{Error, Result};
-use crate::scene::{BUNDLE, Bundle, Receivers, Tracer, Walk};
+use crate::scene::Receivers;
+use crate::scene::rays::{BUNDLE, Bundle, Tracer, Walk};
 use crate::transport::truncate::compress_group;
 use crate::transport::{CompressedGroup, GROUP, Survey, Tile, Truncation, Width};
 

@@ -1,17 +1,15 @@
 //! The last step of a pass: the rows V cos / π of 16 receivers, texel by texel, become coefficients.
 //!
 //! Both bases integrate over the texels: Haar takes T_p = V_p cos / π * sqrt(dω_p), spherical harmonics take V cos / π as
-//! constant over the texel and hold ∫ Y dω themselves (`light/projection.rs`).
+//! constant over the texel and hold ∫ Y dω themselves (`basis/harmonic_projection.rs`).
 
 use std::f64::consts::PI;
 
-use crate::basis::ColumnSpace;
 use crate::basis::haar::Haar;
+use crate::basis::{ColumnSpace, HARMONIC_FACE, HarmonicProjection};
 use crate::error::Result;
-use crate::light::{HARMONIC_FACE, HarmonicProjection};
-use crate::transport::GROUP;
 
-type Lanes = [f32; GROUP];
+use crate::transport::{GROUP, Rows16};
 
 /// From texels to columns.
 pub(super) struct Projection {
@@ -29,8 +27,8 @@ enum Basis {
 
 /// Texels of 16 rows, kept by each thread: one face at a time for Haar, all six for harmonics.
 pub(super) struct Scratch {
-    texels: Vec<Lanes>,
-    folded: Vec<Lanes>,
+    texels: Vec<Rows16>,
+    folded: Vec<Rows16>,
 }
 
 impl Projection {
@@ -66,7 +64,7 @@ impl Projection {
     }
 
     /// Where the entries of a face's texels go; faces come in order.
-    pub fn face<'a>(&self, face: usize, scratch: &'a mut Scratch) -> &'a mut [Lanes] {
+    pub fn face<'a>(&self, face: usize, scratch: &'a mut Scratch) -> &'a mut [Rows16] {
         match self.basis {
             Basis::Haar(_) => &mut scratch.texels,
             Basis::Harmonics(_) => &mut scratch.texels[face * self.factors.len()..(face + 1) * self.factors.len()],
@@ -74,7 +72,7 @@ impl Projection {
     }
 
     /// A face is filled; after the last one all `coefficients` are there.
-    pub fn face_done(&self, face: usize, scratch: &mut Scratch, coefficients: &mut [Lanes]) {
+    pub fn face_done(&self, face: usize, scratch: &mut Scratch, coefficients: &mut [Rows16]) {
         match self.basis {
             Basis::Haar(haar) => haar.forward_face(face, &mut scratch.texels, coefficients),
             Basis::Harmonics(harmonics) if face == 5 => {

@@ -1,6 +1,6 @@
 //! The directions of a cubemap that a pass shoots: texel centres, neighbours, and samples inside a texel.
 
-use crate::light::cubemap::{direction_to_face_uv, face_point, texel_centre, texel_of};
+use crate::basis::cubemap::{direction_to_face_uv, face_point, texel_centre, texel_of};
 
 /// Every texel of the six faces, row-major, face after face.
 pub(super) struct Texels {

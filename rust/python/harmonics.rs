@@ -4,10 +4,9 @@ use numpy::{PyArray2, PyReadonlyArray2, PyReadonlyArray4, PyUntypedArrayMethods}
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
-use crate::basis::ColumnSpace;
 use crate::basis::spherical_harmonics::{Rotation, SphericalHarmonics, windowed};
+use crate::basis::{ColumnSpace, HarmonicProjection};
 use crate::error::{Error, Result};
-use crate::light::HarmonicProjection;
 
 use super::compute;
 use super::light::{Part, colours, not_contiguous, rows, table};

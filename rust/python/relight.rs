@@ -10,9 +10,9 @@ use crate::error::Error;
 use crate::update::{Initial, Updater as Core};
 
 use super::light::table;
-use super::{compute, compute_on, look_at};
 use super::transport::Transport;
 use super::update::{SettingsItems, UpdateArrays, coefficients, update_arrays};
+use super::{compute, compute_on, look_at};
 
 /// An approximation and the response to it; see `deltalux.Relighter`.
 #[pyclass(frozen, module = "deltalux._core")]

@@ -8,7 +8,8 @@ use pyo3::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::precompute::DirectPass as Pass;
-use crate::scene::{Camera, Mesh, PixelSampling, Receivers as Rows, Tracer};
+use crate::scene::rays::Tracer;
+use crate::scene::{Camera, Mesh, PixelSampling, Receivers as Rows};
 use crate::transport::Truncation;
 
 use super::transport::{TileData, parse_width};
@@ -199,7 +200,7 @@ impl DirectPass {
             Ok((survey.threshold_for(tolerance)?, numbers, tile))
         })?;
         let numbers = numbers.into_pyarray(py).unbind();
-        Ok((choice.threshold, choice.error, choice.entries_per_group, numbers, TileData(tile)))
+        Ok((choice.value, choice.error, choice.entries_per_group, numbers, TileData(tile)))
     }
 
     /// The tile of rows `first` to `first + rows`, and the rays it took: to texel centres, and into edge texels.

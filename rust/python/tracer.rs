@@ -5,7 +5,8 @@ use pyo3::prelude::*;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::scene::{BUNDLE, Bundle, LIFT, Mesh, Tracer as Core, Walk};
+use crate::scene::Mesh;
+use crate::scene::rays::{BUNDLE, Bundle, LIFT, Tracer as Core, Walk};
 
 use super::compute;
 use super::scene::vectors;

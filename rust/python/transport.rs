@@ -12,10 +12,10 @@ use pyo3::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::relight::shade::{Rows, resolve};
-use crate::transport::manifest::width_name;
-use crate::transport::truncate::bf16;
+use crate::transport::bf16;
+use crate::transport::file::manifest::width_name;
 use crate::transport::{Audit, Dense, ReceiverTable, Tile, TransportMatrix, Truncation, Values, Width};
-use crate::transport::{Opened, open, rewrite, survey};
+use crate::transport::{Opened, open, rewrite, survey_stored};
 use crate::update::{RowNorm, multiply};
 
 use super::{compute, interruptible};
@@ -367,10 +367,10 @@ impl Transport {
         let rule = self.rule(0.0, width, quantum)?;
         let audit = self.file.as_ref().and_then(|file| file.audit.as_ref());
         let choice = compute(py, || match audit {
-            Some(audit) => survey(&self.audit_matrix(audit), &rule)?.threshold_for(tolerance),
-            None => survey(&self.matrix, &rule)?.threshold_for(tolerance),
+            Some(audit) => survey_stored(&self.audit_matrix(audit), &rule)?.threshold_for(tolerance),
+            None => survey_stored(&self.matrix, &rule)?.threshold_for(tolerance),
         })?;
-        Ok((choice.threshold, choice.error, choice.entries_per_group))
+        Ok((choice.value, choice.error, choice.entries_per_group))
     }
 
     /// M under a coarser rule, in memory. The stated losses include what had been lost before.

@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 
 use crate::basis::{Bands, ColumnSpace};
 use crate::error::{Error, Result};
-use crate::update::{self, BandTest, Budget, Channels, Method, Norm, Settings};
+use crate::update::{self, BandTest, Budget, Colours, Method, Norm, Settings};
 
 use super::light::table;
 use super::{compute_on, look_at};
@@ -43,7 +43,7 @@ impl SettingsItems<'_> {
             },
             weights: list(&self.weights),
             costs: self.costs.as_ref().map(list).unwrap_or_default(),
-            channels: if self.separate { Channels::Separate } else { Channels::Joint },
+            channels: if self.separate { Colours::Separate } else { Colours::Joint },
         })
     }
 

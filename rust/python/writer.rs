@@ -7,11 +7,11 @@ use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::transport::manifest::TILES_PER_SHARD;
+use crate::transport::file::manifest::TILES_PER_SHARD;
 use crate::transport::{Audit, Description, ReceiverTable, Tile, Writer};
 
-use super::{compute, compute_on, look_at};
 use super::transport::{TileData, parse_width};
+use super::{compute, compute_on, look_at};
 
 /// Writes a transport shard by shard; the target is only touched when all is whole.
 #[pyclass(frozen, module = "deltalux._core")]

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 use super::camera::Camera;
 use super::mesh::Mesh;
-use super::tracer::{LIFT, Tracer};
+use super::rays::tracer::{LIFT, Tracer};
 
 /// Surfaces kept in one pixel; what is smaller joins the largest.
 const MAX_SURFACES: usize = 4;

@@ -3,9 +3,9 @@
 use crate::basis::ColumnSpace;
 use crate::error::{Error, Result};
 
+use super::entry::{GROUP, MAX_TILE_ROWS, Rows16};
 use super::matrix::TransportMatrix;
-use super::quantize::Lanes;
-use super::tile::{CompressedGroup, GROUP, MAX_TILE_ROWS, Tile};
+use super::tile::{CompressedGroup, Tile};
 use super::truncate::{Truncation, compress_group};
 
 /// `rows` x `columns` numbers, row-major.
@@ -69,7 +69,7 @@ impl Dense {
     }
 
     /// 16 rows as a pass hands them over; rows after the last are zero.
-    pub fn lanes(&self, first: usize) -> Vec<Lanes> {
+    pub fn lanes(&self, first: usize) -> Vec<Rows16> {
         let mut lanes = vec![[0.0; GROUP]; self.columns];
         for row in first..self.rows.min(first + GROUP) {
             for (lane, &value) in lanes.iter_mut().zip(self.row(row)) {

@@ -8,9 +8,9 @@ use rayon::prelude::*;
 use crate::basis::{Bands, ColumnSpace};
 use crate::error::Result;
 
-use super::quantize::Lanes;
-use super::tile::{GROUP, Tile, group_of};
-use super::truncate::{Truncation, bf16};
+use super::entry::{GROUP, Rows16, bf16, group_of};
+use super::tile::Tile;
+use super::truncate::Truncation;
 
 /// Columns that one thread takes at a time where the work goes by columns.
 const COLUMNS: usize = 256;
@@ -138,7 +138,7 @@ impl TransportMatrix {
 
     /// Calls `add(first row, 16 values, the column's k results)` for all entries, down each column; columns in
     /// parallel.
-    fn by_columns(&self, results: &mut [f64], k: usize, add: impl Fn(usize, &Lanes, &mut [f64]) + Sync) {
+    fn by_columns(&self, results: &mut [f64], k: usize, add: impl Fn(usize, &Rows16, &mut [f64]) + Sync) {
         results.par_chunks_mut((COLUMNS * k).max(1)).enumerate().for_each(|(chunk, results)| {
             for (number, tile) in self.tiles.iter().enumerate() {
                 for (column, out) in (chunk * COLUMNS..).zip(results.chunks_mut(k)) {
@@ -157,7 +157,7 @@ impl Tile {
         let (starts, entries) = self.by_group();
         let mut csr = Csr { indptr: vec![0], indices: Vec::new(), data: Vec::new() };
         for group in starts.windows(2).map(|range| &entries[range[0] as usize..range[1] as usize]) {
-            let lanes: Vec<Lanes> = group.iter().map(|&(_, entry)| self.lanes(entry as usize, quantum)).collect();
+            let lanes: Vec<Rows16> = group.iter().map(|&(_, entry)| self.lanes(entry as usize, quantum)).collect();
             for lane in 0..GROUP.min(self.rows + 1 - csr.indptr.len()) {
                 for (&(column, _), values) in group.iter().zip(&lanes) {
                     if values[lane] != 0.0 {

@@ -1,23 +1,20 @@
 //! M and its forms: rows x columns, nothing else. No rays and no images here.
 
 pub mod dense;
+pub mod entry;
 pub mod file;
-pub mod manifest;
 pub mod matrix;
 pub mod quantize;
-pub mod rewrite;
-pub mod shard;
+pub mod receivers;
 pub mod survey;
 pub mod tile;
 pub mod truncate;
-pub mod writer;
 
 pub use dense::Dense;
-pub use file::{Audit, Opened, ReceiverTable, open};
+pub use entry::{GROUP, MAX_TILE_ROWS, Rows16, Width, bf16, bf16_up};
+pub use file::{Audit, Description, Opened, Writer, open, rewrite, survey as survey_stored};
 pub use matrix::{Csr, TransportMatrix};
-pub use quantize::Lanes;
-pub use rewrite::{rewrite, survey};
-pub use survey::{Choice, Survey, threshold_for};
-pub use tile::{CompressedGroup, GROUP, MAX_TILE_ROWS, Slab, Tile, Values, Width};
-pub use truncate::{Truncation, bf16, bf16_up, compress_group};
-pub use writer::{Description, Writer};
+pub use receivers::ReceiverTable;
+pub use survey::{Survey, threshold_for};
+pub use tile::{CompressedGroup, Slab, Tile, Values};
+pub use truncate::{Truncation, compress_group};

@@ -5,11 +5,7 @@
 
 use crate::error::{Error, Result};
 
-use super::tile::{GROUP, Width};
-use super::truncate::{MAX_EXPONENT, max_step};
-
-/// One column of a group: its coefficient in each of the 16 rows.
-pub type Lanes = [f32; GROUP];
+use super::entry::{GROUP, MAX_EXPONENT, Rows16, Width, integer_bits, max_step, power_of_two};
 
 /// Columns screened at a time: one bit each, and as many f32 sums between two flushes into f64.
 pub const BLOCK: usize = 64;
@@ -22,7 +18,7 @@ pub struct Screened {
     /// Bit k is set where column k stays.
     pub mask: u64,
     /// Squares of the others.
-    pub energy: Lanes,
+    pub energy: Rows16,
     /// Bits of the others, signs aside: zero only where a lane loses exactly nothing.
     pub bits: [u32; GROUP],
 }
@@ -31,21 +27,21 @@ pub struct Screened {
 pub struct Rounded {
     pub shift: u8,
     pub integers: [i16; GROUP],
-    pub residual: Lanes,
+    pub residual: Rows16,
 }
 
 /// An instruction set.
 pub trait Kernel {
     /// Which of up to 64 columns have an energy of at least `limit`, and what the others hold.
-    fn screen(lanes: &[Lanes], limit: f32) -> Screened;
-    fn largest(lanes: &Lanes) -> f32;
+    fn screen(lanes: &[Rows16], limit: f32) -> Screened;
+    fn largest(lanes: &Rows16) -> f32;
     /// Rounds 16 values to nearest (ties to even) multiples of 2^exponent. They must fit into 16 bits.
-    fn nearest(lanes: &Lanes, exponent: i32) -> ([i16; GROUP], Lanes);
+    fn nearest(lanes: &Rows16, exponent: i32) -> ([i16; GROUP], Rows16);
 }
 
 /// Rounds an entry to multiples of 2^(quantum + shift), with the least shift at which all lanes fit the width.
 #[inline(always)]
-pub fn round<K: Kernel>(lanes: &Lanes, quantum: i32, width: Width) -> Result<Rounded> {
+pub fn round<K: Kernel>(lanes: &Rows16, quantum: i32, width: Width) -> Result<Rounded> {
     let largest = K::largest(lanes);
     let shift = least_shift(largest * power_of_two(-quantum), width);
     if !largest.is_finite() || shift > MAX_SHIFT || quantum + shift > max_step(width) {
@@ -61,14 +57,6 @@ fn too_large(largest: f32, quantum: i32, width: Width) -> Error {
     Error::input(format!("expected transport coefficients below 2^{most}, found {largest}"))
 }
 
-/// Bits of the magnitude of a stored integer.
-pub fn integer_bits(width: Width) -> i32 {
-    match width {
-        Width::I8 => 7,
-        Width::I16 => 15,
-    }
-}
-
 /// The least s >= 0 with round(largest / 2^s) <= 2^bits - 1, for `largest` in units of the quantum.
 #[inline(always)]
 fn least_shift(largest: f32, width: Width) -> i32 {
@@ -80,18 +68,12 @@ fn least_shift(largest: f32, width: Width) -> i32 {
     if shift <= MAX_SHIFT && largest * power_of_two(-shift) >= top { shift + 1 } else { shift }
 }
 
-#[inline(always)]
-pub fn power_of_two(exponent: i32) -> f32 {
-    debug_assert!((-126..=127).contains(&exponent));
-    f32::from_bits(((exponent + 127) as u32) << 23)
-}
-
 /// Plain Rust, for any machine.
 pub struct Portable;
 
 impl Kernel for Portable {
     #[inline(always)]
-    fn screen(lanes: &[Lanes], limit: f32) -> Screened {
+    fn screen(lanes: &[Rows16], limit: f32) -> Screened {
         let mut screened = Screened::default();
         for (k, lane) in lanes.iter().enumerate() {
             let squares = lane.map(|value| value * value);
@@ -109,12 +91,12 @@ impl Kernel for Portable {
     }
 
     #[inline(always)]
-    fn largest(lanes: &Lanes) -> f32 {
+    fn largest(lanes: &Rows16) -> f32 {
         lanes.iter().fold(0.0f32, |most, value| most.max(value.abs()))
     }
 
     #[inline(always)]
-    fn nearest(lanes: &Lanes, exponent: i32) -> ([i16; GROUP], Lanes) {
+    fn nearest(lanes: &Rows16, exponent: i32) -> ([i16; GROUP], Rows16) {
         // Scales are powers of two: only the rounding to an integer is inexact, and the residual is exact in f32.
         let nearest = lanes.map(|value| (value * power_of_two(-exponent)).round_ties_even());
         let step = power_of_two(exponent);
@@ -124,7 +106,7 @@ impl Kernel for Portable {
 
 /// The sum of 16 numbers as a tree of halves: one order on every machine.
 #[inline(always)]
-fn sum(x: &Lanes) -> f32 {
+fn sum(x: &Rows16) -> f32 {
     let a: [f32; 8] = std::array::from_fn(|l| x[l] + x[l + 8]);
     let b: [f32; 4] = std::array::from_fn(|l| a[l] + a[l + 4]);
     (b[0] + b[2]) + (b[1] + b[3])
@@ -137,19 +119,19 @@ pub struct Avx2;
 #[cfg(target_arch = "x86_64")]
 impl Kernel for Avx2 {
     #[inline(always)]
-    fn screen(lanes: &[Lanes], limit: f32) -> Screened {
+    fn screen(lanes: &[Rows16], limit: f32) -> Screened {
         // SAFETY: `compress_group` picks this kernel only where AVX2 was found.
         unsafe { avx2::screen(lanes, limit) }
     }
 
     #[inline(always)]
-    fn largest(lanes: &Lanes) -> f32 {
+    fn largest(lanes: &Rows16) -> f32 {
         // SAFETY: as above.
         unsafe { avx2::largest(lanes) }
     }
 
     #[inline(always)]
-    fn nearest(lanes: &Lanes, exponent: i32) -> ([i16; GROUP], Lanes) {
+    fn nearest(lanes: &Rows16, exponent: i32) -> ([i16; GROUP], Rows16) {
         // SAFETY: as above.
         unsafe { avx2::nearest(lanes, exponent) }
     }
@@ -159,20 +141,20 @@ impl Kernel for Avx2 {
 mod avx2 {
     use std::arch::x86_64::*;
 
-    use super::{GROUP, Lanes, Screened, power_of_two};
+    use super::{GROUP, Rows16, Screened, power_of_two};
 
     const NEAREST: i32 = _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC;
 
     #[inline]
     #[target_feature(enable = "avx2")]
-    fn load(lanes: &Lanes) -> (__m256, __m256) {
+    fn load(lanes: &Rows16) -> (__m256, __m256) {
         // SAFETY: 16 floats are there; loads need no alignment.
         unsafe { (_mm256_loadu_ps(lanes.as_ptr()), _mm256_loadu_ps(lanes.as_ptr().add(8))) }
     }
 
     #[inline]
     #[target_feature(enable = "avx2")]
-    fn store(low: __m256, high: __m256) -> Lanes {
+    fn store(low: __m256, high: __m256) -> Rows16 {
         let mut lanes = [0.0; GROUP];
         // SAFETY: there is room for 16 floats; stores need no alignment.
         unsafe {
@@ -193,7 +175,7 @@ mod avx2 {
         /// Adds a column and returns the sums of its squares in lanes l and l + 8: `a` of the tree in `sum`.
         #[inline]
         #[target_feature(enable = "avx2")]
-        fn add(&mut self, lanes: &Lanes) -> __m256 {
+        fn add(&mut self, lanes: &Rows16) -> __m256 {
             let (low, high) = load(lanes);
             let squares = (_mm256_mul_ps(low, low), _mm256_mul_ps(high, high));
             self.energy = (_mm256_add_ps(self.energy.0, squares.0), _mm256_add_ps(self.energy.1, squares.1));
@@ -204,7 +186,7 @@ mod avx2 {
         /// Adds those of eight columns that go; returns a bit for each that stays.
         #[inline]
         #[target_feature(enable = "avx2")]
-        fn screen(&mut self, columns: &[Lanes; 8], limit: f32) -> u64 {
+        fn screen(&mut self, columns: &[Rows16; 8], limit: f32) -> u64 {
             // Most columns go: drop all eight, and look afterwards whether one should have stayed.
             let before = *self;
             let sums = std::array::from_fn(|k| self.add(&columns[k]));
@@ -237,7 +219,7 @@ mod avx2 {
 
     #[inline]
     #[target_feature(enable = "avx2")]
-    pub fn screen(lanes: &[Lanes], limit: f32) -> Screened {
+    pub fn screen(lanes: &[Rows16], limit: f32) -> Screened {
         let zero = _mm256_setzero_ps();
         let mut lost = Lost { energy: (zero, zero), bits: (zero, zero) };
         let (eights, rest) = lanes.as_chunks::<8>();
@@ -257,7 +239,7 @@ mod avx2 {
 
     #[inline]
     #[target_feature(enable = "avx2")]
-    pub fn largest(lanes: &Lanes) -> f32 {
+    pub fn largest(lanes: &Rows16) -> f32 {
         let (low, high) = load(lanes);
         let sign = _mm256_set1_ps(-0.0);
         let a = _mm256_max_ps(_mm256_andnot_ps(sign, low), _mm256_andnot_ps(sign, high));
@@ -268,7 +250,7 @@ mod avx2 {
 
     #[inline]
     #[target_feature(enable = "avx2")]
-    pub fn nearest(lanes: &Lanes, exponent: i32) -> ([i16; GROUP], Lanes) {
+    pub fn nearest(lanes: &Rows16, exponent: i32) -> ([i16; GROUP], Rows16) {
         let (low, high) = load(lanes);
         let (inverse, step) = (_mm256_set1_ps(power_of_two(-exponent)), _mm256_set1_ps(power_of_two(exponent)));
         let a = _mm256_round_ps::<NEAREST>(_mm256_mul_ps(low, inverse));

@@ -8,9 +8,9 @@ use rayon::prelude::*;
 use crate::basis::Bands;
 use crate::error::{Error, Result};
 
-use super::quantize::{Lanes, Portable, round};
-use super::tile::{GROUP, Width};
-use super::truncate::{SCALING, area_weights, check_quantum};
+use super::entry::{GROUP, Rows16, Width, check_quantum};
+use super::quantize::{Portable, round};
+use super::truncate::{SCALING, area_weights};
 
 /// Bins of an octave of weighted energy, and the octaves covered.
 const BINS: i32 = 16;
@@ -31,8 +31,8 @@ pub struct Survey {
 
 /// A threshold, and what to expect of it on groups like the samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Choice {
-    pub threshold: f64,
+pub struct Threshold {
+    pub value: f64,
     /// Relative L2 error of the image under the light prior E[V_j^2] ~ area_j, rounding included.
     pub error: f64,
     pub entries_per_group: f64,
@@ -46,7 +46,7 @@ impl Survey {
     }
 
     /// Counts the entries of 16 raw rows.
-    pub fn add(&mut self, lanes: &[Lanes], bands: &Bands) -> Result<()> {
+    pub fn add(&mut self, lanes: &[Rows16], bands: &Bands) -> Result<()> {
         assert_eq!(lanes.len(), bands.columns());
         self.groups += 1;
         for band in 0..bands.count() {
@@ -81,7 +81,7 @@ impl Survey {
 
     /// The largest threshold whose expected error does not exceed `tolerance`; 0, with the error that rounding alone
     /// makes, where none does.
-    pub fn threshold_for(&self, tolerance: f64) -> Result<Choice> {
+    pub fn threshold_for(&self, tolerance: f64) -> Result<Threshold> {
         if !(0.0..1.0).contains(&tolerance) {
             return Err(Error::input(format!("expected a truncation error from 0 to 1, got {tolerance}")));
         }
@@ -89,7 +89,7 @@ impl Survey {
         let [mut entries, total, mut lost] = [column(0), column(1), column(2)];
         let per_group = |entries: f64| entries / self.groups.max(1) as f64;
         let error = |lost: f64| if total > 0.0 { (lost.max(0.0) / total).sqrt() } else { 0.0 };
-        let mut choice = Choice { threshold: 0.0, error: error(lost), entries_per_group: per_group(entries) };
+        let mut choice = Threshold { value: 0.0, error: error(lost), entries_per_group: per_group(entries) };
 
         // Drop bin after bin, the smallest energies first: a dropped entry loses its energy instead of its rounding.
         for (k, bin) in self.bins.iter().enumerate() {
@@ -100,7 +100,7 @@ impl Survey {
             }
             let upper = f64::from(OCTAVES.start) + (k + 1) as f64 / f64::from(BINS);
             choice =
-                Choice { threshold: (upper / 2.0).exp2(), error: error(lost), entries_per_group: per_group(entries) };
+                Threshold { value: (upper / 2.0).exp2(), error: error(lost), entries_per_group: per_group(entries) };
         }
         Ok(choice)
     }
@@ -108,12 +108,12 @@ impl Survey {
 
 /// Surveys raw sample groups in parallel and chooses: see `Survey::threshold_for`.
 pub fn threshold_for(
-    samples: &[&[Lanes]],
+    samples: &[&[Rows16]],
     bands: &Bands,
     quantum: i32,
     width: Width,
     tolerance: f64,
-) -> Result<Choice> {
+) -> Result<Threshold> {
     let empty = Survey::new(bands, quantum, width)?;
     let surveys: Vec<Survey> = samples
         .par_iter()
@@ -127,7 +127,7 @@ pub fn threshold_for(
     all.threshold_for(tolerance)
 }
 
-fn energy(lanes: &Lanes) -> f64 {
+fn energy(lanes: &Rows16) -> f64 {
     lanes.iter().map(|&value| f64::from(value) * f64::from(value)).sum()
 }
 

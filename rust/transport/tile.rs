@@ -16,14 +16,7 @@ use std::sync::Arc;
 
 use crate::error::Result;
 
-use super::quantize::{Lanes, power_of_two};
-
-/// Rows in a group: the unit of truncation and of the kernels.
-pub const GROUP: usize = 16;
-/// The most rows of a tile (10 bits of group number).
-pub const MAX_TILE_ROWS: usize = 1024 * GROUP;
-/// Bits of an entry's word that hold the group number; the rest is the shift.
-pub const GROUP_BITS: u32 = 10;
+use super::entry::{GROUP, GROUP_BITS, MAX_TILE_ROWS, Rows16, Width, group_of, power_of_two, shift_of};
 
 /// A slice that is either owned or a view of a mapped file, which it keeps alive.
 #[derive(Clone)]
@@ -110,23 +103,6 @@ pub struct CompressedGroup {
     pub dropped: Vec<u16>,
 }
 
-/// How wide the stored integers are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Width {
-    I8,
-    I16,
-}
-
-impl Width {
-    /// The largest magnitude used; the most negative integer stays free so that -q is always there.
-    pub fn max(self) -> i16 {
-        match self {
-            Width::I8 => i8::MAX as i16,
-            Width::I16 => i16::MAX,
-        }
-    }
-}
-
 impl Tile {
     /// Turns groups (row order) into columns: a counting sort by column, stable in the group number.
     pub fn assemble(rows: usize, columns: usize, width: Width, groups: &[CompressedGroup]) -> Tile {
@@ -203,7 +179,7 @@ impl Tile {
     }
 
     /// The 16 stored values of an entry.
-    pub fn lanes(&self, entry: usize, quantum: i32) -> Lanes {
+    pub fn lanes(&self, entry: usize, quantum: i32) -> Rows16 {
         let step = power_of_two(quantum + shift_of(self.words[entry]));
         let range = entry * GROUP..(entry + 1) * GROUP;
         let mut lanes = [0.0; GROUP];
@@ -219,7 +195,7 @@ impl Tile {
         &self,
         columns: usize,
         quantum: i32,
-        mut visit: impl FnMut(usize, &[Lanes]) -> Result<()>,
+        mut visit: impl FnMut(usize, &[Rows16]) -> Result<()>,
     ) -> Result<()> {
         let (starts, entries) = self.by_group();
         let mut dense = vec![[0.0; GROUP]; columns];
@@ -235,14 +211,4 @@ impl Tile {
         }
         Ok(())
     }
-}
-
-/// The group's number in an entry's word.
-pub fn group_of(word: u16) -> usize {
-    usize::from(word & ((1 << GROUP_BITS) - 1))
-}
-
-/// The binary shift in an entry's word.
-pub fn shift_of(word: u16) -> i32 {
-    i32::from(word >> GROUP_BITS)
 }

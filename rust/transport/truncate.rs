@@ -19,17 +19,14 @@
 use crate::basis::Bands;
 use crate::error::{Error, Result};
 
+use super::entry::{GROUP, Rows16, Width, bf16, bf16_up, check_quantum, power_of_two};
 #[cfg(target_arch = "x86_64")]
 use super::quantize::Avx2;
-use super::quantize::{BLOCK, Kernel, Lanes, Portable, Screened, integer_bits, power_of_two, round};
-use super::tile::{CompressedGroup, GROUP, Tile, Width};
+use super::quantize::{BLOCK, Kernel, Portable, Screened, round};
+use super::tile::{CompressedGroup, Tile};
 
 /// The scaling functions of the six faces: the first columns of band 0.
 pub const SCALING: usize = 6;
-/// Stored values stay below 2^20, so that sums of them cannot overflow anything.
-pub const MAX_EXPONENT: i32 = 20;
-/// The least quantum, so that every intermediate value is an ordinary f32.
-pub const MIN_QUANTUM: i32 = -64;
 /// Covers the roundings of f32 energies summed in blocks of 64 (at most 66 * 2^-24), of the f64 sum and of the root.
 const MARGIN: f64 = 1.0 + 1.0 / 65536.0;
 /// Squares below f32's range may vanish: each by less than this.
@@ -64,45 +61,15 @@ impl Truncation {
     }
 }
 
-/// The largest exponent that quantum + shift may have at a width.
-pub fn max_step(width: Width) -> i32 {
-    MAX_EXPONENT - integer_bits(width)
-}
-
-/// Refuses quanta with which no value could be stored, or not exactly.
-pub fn check_quantum(quantum: i32, width: Width) -> Result<()> {
-    if (MIN_QUANTUM..=max_step(width)).contains(&quantum) {
-        return Ok(());
-    }
-    let most = max_step(width);
-    Err(Error::input(format!("expected a quantum (exponent of two) from {MIN_QUANTUM} to {most}, got {quantum}")))
-}
-
 /// sqrt(area) of each band: the areas of a band's columns are equal.
 pub fn area_weights(bands: &Bands) -> Vec<f64> {
     (0..bands.count()).map(|band| bands.areas[bands.range(band).start].sqrt()).collect()
 }
 
-/// The least bfloat16 that is not below a norm.
-pub fn bf16_up(norm: f64) -> u16 {
-    debug_assert!(norm >= 0.0);
-    let mut single = norm as f32;
-    if f64::from(single) < norm {
-        single = single.next_up();
-    }
-    // The integer order of bit patterns is the order of positive floats: adding one steps to the next bfloat16.
-    (single.to_bits().wrapping_add(0xffff) >> 16) as u16
-}
-
-/// What a stored norm says.
-pub fn bf16(bits: u16) -> f32 {
-    f32::from_bits(u32::from(bits) << 16)
-}
-
 /// Compresses 16 rows: `lanes[j]` is column j. `out` is emptied first and keeps its memory.
 ///
 /// Fails where a coefficient is not finite or too large to be stored.
-pub fn compress_group(lanes: &[Lanes], bands: &Bands, rule: &Truncation, out: &mut CompressedGroup) -> Result<()> {
+pub fn compress_group(lanes: &[Rows16], bands: &Bands, rule: &Truncation, out: &mut CompressedGroup) -> Result<()> {
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("avx2") {
         // SAFETY: the instruction set was found.
@@ -113,17 +80,17 @@ pub fn compress_group(lanes: &[Lanes], bands: &Bands, rule: &Truncation, out: &m
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn compress_avx2(lanes: &[Lanes], bands: &Bands, rule: &Truncation, out: &mut CompressedGroup) -> Result<()> {
+fn compress_avx2(lanes: &[Rows16], bands: &Bands, rule: &Truncation, out: &mut CompressedGroup) -> Result<()> {
     compress::<Avx2>(lanes, bands, rule, out)
 }
 
 /// The path of every other machine; public so that the suite can hold the two against each other.
-pub fn compress_portable(lanes: &[Lanes], bands: &Bands, rule: &Truncation, out: &mut CompressedGroup) -> Result<()> {
+pub fn compress_portable(lanes: &[Rows16], bands: &Bands, rule: &Truncation, out: &mut CompressedGroup) -> Result<()> {
     compress::<Portable>(lanes, bands, rule, out)
 }
 
 #[inline(always)]
-fn compress<K: Kernel>(lanes: &[Lanes], bands: &Bands, rule: &Truncation, out: &mut CompressedGroup) -> Result<()> {
+fn compress<K: Kernel>(lanes: &[Rows16], bands: &Bands, rule: &Truncation, out: &mut CompressedGroup) -> Result<()> {
     assert_eq!(lanes.len(), bands.columns());
     out.columns.clear();
     out.shifts.clear();
@@ -160,7 +127,7 @@ fn compress<K: Kernel>(lanes: &[Lanes], bands: &Bands, rule: &Truncation, out: &
 /// Screens up to 64 columns and rounds those that stay.
 #[inline(always)]
 fn keep_block<K: Kernel>(
-    lanes: &[Lanes],
+    lanes: &[Rows16],
     range: std::ops::Range<usize>,
     limit: f32,
     rule: &Truncation,
@@ -207,7 +174,7 @@ impl Norms {
     }
 
     #[inline(always)]
-    fn lose_rounding(&mut self, residual: &Lanes) {
+    fn lose_rounding(&mut self, residual: &Rows16) {
         self.columns += 1;
         for (lane, &lost) in residual.iter().enumerate() {
             self.dropped[lane] += f64::from(lost) * f64::from(lost);

@@ -16,3 +16,9 @@ pub struct Update {
     /// Ascending by column, each column once.
     pub terms: Vec<Term>,
 }
+
+/// What a frame does: which bands start anew, and which candidates are sent.
+pub(in crate::update) struct Choice {
+    pub anew: Vec<bool>,
+    pub sent: Vec<u32>,
+}

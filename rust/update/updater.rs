@@ -10,13 +10,13 @@ use std::time::Instant;
 use crate::error::{Error, Result};
 use crate::transport::TransportMatrix;
 
-use super::approximation::{Approximation, MAX_COEFFICIENT, Settings};
-use super::bound::{Bound, Measured, bound_rows};
 use super::change::{Term, Update};
-use super::grid::{Grid, RowNorm, light_norm};
+use super::choosing::approximation::{Approximation, MAX_COEFFICIENT};
+use super::choosing::method::{Budget, Settings};
+use super::multiplying::bound::{Bound, Measured, bound_rows};
+use super::multiplying::grid::{Grid, RowNorm, light_norm};
+use super::multiplying::response::Response;
 use super::pace::Pace;
-use super::response::Response;
-use super::select::Budget;
 
 /// Bits by which light may grow before its grid must be changed, which costs a whole product.
 const HEADROOM: i32 = 6;

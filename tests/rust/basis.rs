@@ -1,7 +1,8 @@
 //! Bases: the Haar transform against its explicit matrix, its norms, its round trip and its order of columns.
 
 use _core::basis::ColumnSpace;
-use _core::basis::haar::{Haar, solid_angles};
+use _core::basis::cubemap::solid_angles;
+use _core::basis::haar::Haar;
 use proptest::prelude::*;
 
 /// Any size that is allowed and small enough to look at.

@@ -3,9 +3,10 @@
 use std::f64::consts::PI;
 
 use _core::basis::ColumnSpace;
+use _core::basis::cubemap::{solid_angles, texel_direction};
 use _core::basis::spherical_harmonics::{Rotation, SphericalHarmonics, degree_and_m, index, windowed};
-use _core::light::cubemap::{solid_angles, texel_direction};
-use _core::light::{EnvironmentMap, HARMONIC_FACE, HarmonicProjection, Layout};
+use _core::basis::{HARMONIC_FACE, HarmonicProjection};
+use _core::light::{EnvironmentMap, Layout};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 

@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use _core::light::cubemap::{direction_to_face_uv, face_point, solid_angles, texel_centre, texel_direction, texel_of};
+use _core::basis::cubemap::{direction_to_face_uv, face_point, solid_angles, texel_centre, texel_direction, texel_of};
 use _core::light::{EnvironmentMap, Layout};
 use proptest::prelude::*;
 

@@ -3,7 +3,7 @@
 use _core::basis::ColumnSpace;
 use _core::transport::{CompressedGroup, GROUP, Tile, TransportMatrix, Width};
 use _core::update::kernel::Engine;
-use _core::update::multiply::multiply_gridded;
+use _core::update::multiply_gridded;
 use _core::update::{Bound, Grid, Measured, Response, RowNorm, Term, Update, bound_rows, light_norm, multiply};
 use proptest::prelude::*;
 

@@ -1,6 +1,7 @@
 //! Rays: every way of tracing them against brute force in f64, then the cases where ray tracers leak or hit themselves.
 
-use _core::scene::{BUNDLE, Bundle, LIFT, Mesh, Tracer, Walk, beam};
+use _core::scene::Mesh;
+use _core::scene::rays::{BUNDLE, Bundle, LIFT, Tracer, Walk, beam};
 use proptest::prelude::*;
 
 type Point = [f64; 3];

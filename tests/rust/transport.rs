@@ -6,11 +6,11 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use _core::basis::ColumnSpace;
 use _core::error::Error;
-use _core::transport::manifest::{FileEntry, MANIFEST, Manifest, TILES_PER_SHARD};
-use _core::transport::quantize::power_of_two;
+use _core::transport::entry::power_of_two;
+use _core::transport::file::manifest::{FileEntry, MANIFEST, Manifest, TILES_PER_SHARD};
 use _core::transport::truncate::compress_portable;
 use _core::transport::{
-    Audit, CompressedGroup, Dense, Description, GROUP, Lanes, Opened, ReceiverTable, TransportMatrix, Truncation,
+    Audit, CompressedGroup, Dense, Description, GROUP, Opened, ReceiverTable, Rows16, TransportMatrix, Truncation,
     Values, Width, Writer, bf16, bf16_up, compress_group, open, threshold_for,
 };
 use proptest::prelude::*;
@@ -190,10 +190,10 @@ proptest! {
     fn thresholds_meet_their_tolerance(seed: u64, tolerance in 0.02f64..0.5) {
         let space = ColumnSpace::haar(8).unwrap();
         let (bands, dense) = (space.bands(), random_dense(space, 64, seed));
-        let samples: Vec<Vec<Lanes>> = (0..4).map(|group| dense.lanes(16 * group)).collect();
-        let views: Vec<&[Lanes]> = samples.iter().map(Vec::as_slice).collect();
+        let samples: Vec<Vec<Rows16>> = (0..4).map(|group| dense.lanes(16 * group)).collect();
+        let views: Vec<&[Rows16]> = samples.iter().map(Vec::as_slice).collect();
         let choice = threshold_for(&views, &bands, QUANTUM, Width::I8, tolerance).unwrap();
-        let matrix = dense.compress(space, &rule(space, choice.threshold, Width::I8), 64).unwrap();
+        let matrix = dense.compress(space, &rule(space, choice.value, Width::I8), 64).unwrap();
         let stored = Dense::of(&matrix);
         let (mut lost, mut all) = (0.0, 0.0);
         for (k, (truth, stored)) in dense.values.iter().zip(&stored.values).enumerate() {

@@ -2,7 +2,7 @@
 
 use _core::basis::{Bands, ColumnSpace};
 use _core::error::Error;
-use _core::update::{Approximation, BandTest, Budget, Channels, Method, Norm, Pace, Settings, Update};
+use _core::update::{Approximation, BandTest, Budget, Colours, Method, Norm, Pace, Settings, Update};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 
@@ -36,7 +36,7 @@ fn methods() -> impl Strategy<Value = Method> {
 }
 
 fn settings() -> impl Strategy<Value = Settings> {
-    let channels = prop::sample::select(vec![Channels::Joint, Channels::Separate]);
+    let channels = prop::sample::select(vec![Colours::Joint, Colours::Separate]);
     let budget = prop_oneof![
         prop::sample::select(vec![0, 1, 7, 30, usize::MAX]).prop_map(Budget::Terms),
         prop::sample::select(vec![0.0, 1.0, 50.0, 1e9]).prop_map(Budget::Cost),
@@ -145,7 +145,7 @@ fn printed(method: Method, terms: usize, weights: &[f64], target: &[[f64; 3]], v
 }
 
 fn joint(method: Method, budget: Budget) -> Settings {
-    Settings { method, budget, weights: bands().areas, costs: Vec::new(), channels: Channels::Joint }
+    Settings { method, budget, weights: bands().areas, costs: Vec::new(), channels: Colours::Joint }
 }
 
 proptest! {
@@ -181,8 +181,8 @@ proptest! {
 
         let pairs = |term: &_core::update::Term| term.change.iter().filter(|change| **change != 0.0).count();
         let sent = match settings.channels {
-            Channels::Joint => update.terms.len(),
-            Channels::Separate => update.terms.iter().map(pairs).sum(),
+            Colours::Joint => update.terms.len(),
+            Colours::Separate => update.terms.iter().map(pairs).sum(),
         };
         match settings.budget {
             _ if settings.method == Method::Full => prop_assert_eq!(follow.values(), &target[..]),
@@ -190,7 +190,7 @@ proptest! {
                 prop_assert_eq!(update, Update::default());
             }
             Budget::Terms(terms) => prop_assert!(sent <= terms),
-            Budget::Cost(budget) if settings.channels == Channels::Joint => {
+            Budget::Cost(budget) if settings.channels == Colours::Joint => {
                 let costs: Vec<f64> = streamed(&bands, &before, &update).map(|j| settings.costs[j]).collect();
                 let paid = costs.iter().filter(|cost| **cost > 0.0).count();
                 prop_assert!(costs.iter().sum::<f64>() <= budget || paid == 1, "{costs:?} for {budget}");
@@ -212,7 +212,7 @@ proptest! {
         let first = follow.step(&target).unwrap();
 
         // m is what differs once the first frame has reset what it resets.
-        let lanes = if settings.channels == Channels::Joint { 1 } else { 3 };
+        let lanes = if settings.channels == Colours::Joint { 1 } else { 3 };
         let left = follow.values().iter().zip(&target).filter(|(v, t)| v != t).count() * lanes;
         let automatic = matches!(
             settings.method,

@@ -1,7 +1,7 @@
 //! The walk in plain Rust: for other processors, and the check of the vector code.
 
 use super::{Columns, Integer, Marks, Move, POWERS, Sorted, Sums, Target};
-use crate::transport::tile::{GROUP, GROUP_BITS};
+use crate::transport::entry::{GROUP, GROUP_BITS};
 
 pub(super) fn walk_marked<T: Integer>(columns: &Columns<'_, T>, moves: &[Move], marks: &mut Marks, target: Target<'_>) {
     marks.set(columns, moves, |_| ());

@@ -11,13 +11,12 @@ use std::sync::OnceLock;
 
 use rayon::prelude::*;
 
-use crate::basis::ColumnSpace;
-use crate::basis::haar::Lane;
-use crate::basis::spherical_harmonics::{Rotation, SphericalHarmonics, degree_and_m};
 use crate::error::{Error, Result};
 
+use super::bands::ColumnSpace;
 use super::cubemap::{direction_to_face_uv, face_point, texel_centre, texel_direction, texel_of};
-use super::environment::EnvironmentMap;
+use super::spherical_harmonics::{SphericalHarmonics, degree_and_m};
+use super::texel::Texel;
 
 /// Texels along a face of the cubemap that stands between light and harmonics.
 pub const HARMONIC_FACE: usize = 64;
@@ -105,7 +104,7 @@ impl HarmonicProjection {
     }
 
     /// Coefficients of a cubemap's texels (all six faces). `folded` is scratch.
-    pub fn project<L: Lane>(&self, texels: &[L], folded: &mut Vec<L>, coefficients: &mut [L]) {
+    pub fn project<L: Texel>(&self, texels: &[L], folded: &mut Vec<L>, coefficients: &mut [L]) {
         self.fold(texels, folded);
         for block in &self.blocks {
             self.store(block, self.sums(block, folded), coefficients);
@@ -126,7 +125,7 @@ impl HarmonicProjection {
     }
 
     /// Sums and differences of the images of each texel: eight lists, one for each triple of signs.
-    fn fold<L: Lane>(&self, texels: &[L], folded: &mut Vec<L>) {
+    fn fold<L: Texel>(&self, texels: &[L], folded: &mut Vec<L>) {
         assert_eq!(texels.len(), self.texels());
         let count = self.images.len();
         folded.clear();
@@ -145,7 +144,7 @@ impl HarmonicProjection {
         }
     }
 
-    fn sums<L: Lane>(&self, block: &Block, folded: &[L]) -> [L; BLOCK] {
+    fn sums<L: Texel>(&self, block: &Block, folded: &[L]) -> [L; BLOCK] {
         let count = self.images.len();
         let values = &folded[block.signs * count..(block.signs + 1) * count];
         #[cfg(target_arch = "x86_64")]
@@ -156,7 +155,7 @@ impl HarmonicProjection {
         products(&block.integrals, values)
     }
 
-    fn store<L: Lane>(&self, block: &Block, sums: [L; BLOCK], coefficients: &mut [L]) {
+    fn store<L: Texel>(&self, block: &Block, sums: [L; BLOCK], coefficients: &mut [L]) {
         for (column, sum) in block.columns.into_iter().zip(sums) {
             if column < self.columns() {
                 coefficients[column] = sum;
@@ -168,12 +167,12 @@ impl HarmonicProjection {
 /// The same code, compiled for wider lanes: the same bits, since Rust never fuses or reorders.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn products_avx2<L: Lane>(integrals: &[[f64; BLOCK]], values: &[L]) -> [L; BLOCK] {
+fn products_avx2<L: Texel>(integrals: &[[f64; BLOCK]], values: &[L]) -> [L; BLOCK] {
     products(integrals, values)
 }
 
 #[inline(always)]
-fn products<L: Lane>(integrals: &[[f64; BLOCK]], values: &[L]) -> [L; BLOCK] {
+fn products<L: Texel>(integrals: &[[f64; BLOCK]], values: &[L]) -> [L; BLOCK] {
     let mut total = [L::ZERO; BLOCK];
     for (integrals, values) in integrals.chunks(CHAIN).zip(values.chunks(CHAIN)) {
         let mut sums = [L::ZERO; BLOCK];
@@ -200,18 +199,18 @@ fn signs_of(column: usize) -> usize {
 }
 
 /// A texel in the octant where all components are positive.
-struct Texel {
+struct Place {
     face: usize,
     row: usize,
     column: usize,
 }
 
-fn octant(size: usize) -> Vec<Texel> {
-    let all = (0..6 * size * size).map(|k| Texel { face: k / (size * size), row: k / size % size, column: k % size });
+fn octant(size: usize) -> Vec<Place> {
+    let all = (0..6 * size * size).map(|k| Place { face: k / (size * size), row: k / size % size, column: k % size });
     all.filter(|texel| texel.direction(size).iter().all(|&component| component > 0.0)).collect()
 }
 
-impl Texel {
+impl Place {
     fn direction(&self, size: usize) -> [f64; 3] {
         texel_direction(size, self.face, self.row, self.column)
     }
@@ -241,23 +240,5 @@ impl Texel {
             }
         }
         integrals
-    }
-}
-
-impl EnvironmentMap {
-    /// Adds to `coefficients` this map's, turned by `rotation` and times `scale`.
-    ///
-    /// The map is projected once; every frame turns those coefficients. Nothing is resampled then, so that neither
-    /// interpolation nor a rotation of a rotation adds an error.
-    pub fn project(&self, order: usize, rotation: &[[f64; 3]; 3], scale: f64, sum: &mut [[f64; 3]]) -> Result<()> {
-        let original = self.harmonics(order, || {
-            let mut radiance = vec![[0.0; 3]; 6 * HARMONIC_FACE * HARMONIC_FACE];
-            self.resample(HARMONIC_FACE, &[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], 1.0, &mut radiance);
-            Ok(HarmonicProjection::shared(order)?.forward(&radiance))
-        })?;
-        for (total, own) in sum.iter_mut().zip(Rotation::new(order, rotation)?.apply(&original)) {
-            (0..3).for_each(|channel| total[channel] += scale * own[channel]);
-        }
-        Ok(())
     }
 }

@@ -15,7 +15,8 @@
 
 use std::ops::Range;
 
-use crate::transport::tile::{GROUP, GROUP_BITS, MAX_TILE_ROWS, Tile, Values};
+use crate::transport::entry::{GROUP, GROUP_BITS, MAX_TILE_ROWS};
+use crate::transport::tile::{Tile, Values};
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;

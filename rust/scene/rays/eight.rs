@@ -2,7 +2,7 @@
 //! path give the same bits.
 
 /// Eight lanes of f32. Comparisons give one bit a lane.
-pub(super) trait Lanes: Copy {
+pub(super) trait Eight: Copy {
     fn splat(value: f32) -> Self;
     fn load(from: &[f32; 8]) -> Self;
     fn store(self, to: &mut [f32; 8]);
@@ -47,7 +47,7 @@ impl Portable {
     }
 }
 
-impl Lanes for Portable {
+impl Eight for Portable {
     #[inline(always)]
     fn splat(value: f32) -> Self {
         Portable([value; 8])
@@ -115,7 +115,7 @@ pub(super) use avx2::Avx2;
 mod avx2 {
     use std::arch::x86_64::*;
 
-    use super::Lanes;
+    use super::Eight;
 
     /// AVX2 lanes.
     ///
@@ -124,7 +124,7 @@ mod avx2 {
     #[derive(Clone, Copy)]
     pub(in crate::scene) struct Avx2(__m256);
 
-    impl Lanes for Avx2 {
+    impl Eight for Avx2 {
         #[inline(always)]
         fn splat(value: f32) -> Self {
             unsafe { Avx2(_mm256_set1_ps(value)) }

@@ -9,24 +9,27 @@
 //! band is incremental: one that gets no term keeps its values. The tolerance is relative to the light's own norm, so
 //! that a brighter light chooses the same columns.
 
-use super::approximation::Choice;
-use super::frame::Frame;
-use super::select::{self, Budget, Largest};
+use crate::update::change::Choice;
+
+use super::candidates::Candidates;
+use super::largest::Largest;
+use super::method::Budget;
+use super::select;
 
 /// Passes before the tolerance is taken as zero: a tenth each, down to the precision of f64.
 const PASSES: i32 = 16;
 
-pub(super) fn choose(frame: &Frame, budget: &Budget, tolerance: f64) -> Choice {
-    let anew = vec![false; frame.bands.count()];
-    let mut sent = order(frame, tolerance);
-    sent.truncate(select::prefix(frame, &anew, budget, 0.0, &sent));
+pub(super) fn choose(candidates: &Candidates, budget: &Budget, tolerance: f64) -> Choice {
+    let anew = vec![false; candidates.bands.count()];
+    let mut sent = order(candidates, tolerance);
+    sent.truncate(select::prefix(candidates, &anew, budget, 0.0, &sent));
     Choice { anew, sent }
 }
 
 /// All candidates that changed, in the order in which Fig. 8.1 hands them out.
-fn order(frame: &Frame, tolerance: f64) -> Vec<u32> {
-    let light: f64 = (0..frame.bands.count()).map(|band| frame.keys(band, true).iter().sum::<f64>()).sum();
-    let bands: Vec<_> = (0..frame.bands.count()).map(|band| falling(frame, band)).collect();
+fn order(candidates: &Candidates, tolerance: f64) -> Vec<u32> {
+    let light: f64 = (0..candidates.bands.count()).map(|band| candidates.keys(band, true).iter().sum::<f64>()).sum();
+    let bands: Vec<_> = (0..candidates.bands.count()).map(|band| falling(candidates, band)).collect();
     let mut given = vec![0; bands.len()];
     let mut order = Vec::new();
     for pass in 0..=PASSES {
@@ -42,9 +45,9 @@ fn order(frame: &Frame, tolerance: f64) -> Vec<u32> {
 }
 
 /// A band's candidates, largest first, each with the band's error before it is sent.
-fn falling(frame: &Frame, band: usize) -> Vec<(f64, u32)> {
+fn falling(candidates: &Candidates, band: usize) -> Vec<(f64, u32)> {
     let mut largest = Largest::new(usize::MAX);
-    largest.offer(frame.range(band).start, frame.keys(band, false));
+    largest.offer(candidates.range(band).start, candidates.keys(band, false));
     let mut error = 0.0;
     let mut falling: Vec<(f64, u32)> = largest
         .sorted()

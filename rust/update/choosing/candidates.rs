@@ -4,13 +4,13 @@ use std::ops::Range;
 
 use crate::basis::Bands;
 
-use super::approximation::{Channels, Norm};
-use super::select::{Keyed, by_key};
+use super::largest::{Keyed, by_key};
+use super::method::{Colours, Norm};
 
 /// One frame's light against the values applied so far.
-pub(super) struct Frame<'a> {
+pub(super) struct Candidates<'a> {
     pub bands: &'a Bands,
-    pub channels: Channels,
+    pub channels: Colours,
     pub weights: &'a [f64],
     /// One a column, or empty: then a column costs nothing.
     pub costs: &'a [f64],
@@ -42,7 +42,7 @@ fn key(weight: f64, magnitude: f64) -> f64 {
 
 impl Keys {
     /// Computes all keys in one pass over both vectors.
-    pub fn measure(&mut self, channels: Channels, weights: &[f64], target: &[[f64; 3]], values: &[[f64; 3]]) {
+    pub fn measure(&mut self, channels: Colours, weights: &[f64], target: &[[f64; 3]], values: &[[f64; 3]]) {
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has AVX2.
@@ -54,18 +54,18 @@ impl Keys {
     /// The same code, compiled for four lanes: the same bits, since Rust never fuses or reorders.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn measure_avx2(&mut self, channels: Channels, weights: &[f64], target: &[[f64; 3]], values: &[[f64; 3]]) {
+    fn measure_avx2(&mut self, channels: Colours, weights: &[f64], target: &[[f64; 3]], values: &[[f64; 3]]) {
         self.measure_any(channels, weights, target, values);
     }
 
     #[inline(always)]
-    fn measure_any(&mut self, channels: Channels, weights: &[f64], target: &[[f64; 3]], values: &[[f64; 3]]) {
-        let count = target.len() * channels.lanes();
+    fn measure_any(&mut self, channels: Colours, weights: &[f64], target: &[[f64; 3]], values: &[[f64; 3]]) {
+        let count = target.len() * channels.per_column();
         self.incremental.resize(count, 0.0);
         self.anew.resize(count, 0.0);
         let light = weights.iter().zip(target.iter().zip(values));
         match channels {
-            Channels::Joint => {
+            Colours::Joint => {
                 let keys = self.incremental.iter_mut().zip(&mut self.anew);
                 for ((incremental, anew), (&weight, (new, old))) in keys.zip(light) {
                     let change = (new[0] - old[0]).abs() + (new[1] - old[1]).abs() + (new[2] - old[2]).abs();
@@ -73,7 +73,7 @@ impl Keys {
                     *anew = key(weight, new[0].abs() + new[1].abs() + new[2].abs());
                 }
             }
-            Channels::Separate => {
+            Colours::Separate => {
                 let keys = self.incremental.chunks_exact_mut(3).zip(self.anew.chunks_exact_mut(3));
                 for ((incremental, anew), (&weight, (new, old))) in keys.zip(light) {
                     for colour in 0..3 {
@@ -86,19 +86,19 @@ impl Keys {
     }
 }
 
-impl Frame<'_> {
+impl Candidates<'_> {
     pub fn candidates(&self) -> usize {
-        self.target.len() * self.channels.lanes()
+        self.target.len() * self.channels.per_column()
     }
 
     /// The candidates of a band.
     pub fn range(&self, band: usize) -> Range<usize> {
         let columns = self.bands.range(band);
-        columns.start * self.channels.lanes()..columns.end * self.channels.lanes()
+        columns.start * self.channels.per_column()..columns.end * self.channels.per_column()
     }
 
     pub fn band(&self, candidate: u32) -> usize {
-        self.bands.of(candidate as usize / self.channels.lanes())
+        self.bands.of(candidate as usize / self.channels.per_column())
     }
 
     /// The keys of a band's candidates if it is reset (`anew`) or not.
@@ -112,7 +112,7 @@ impl Frame<'_> {
 
     /// What sending a candidate adds to the values, after the reset of its band where there is one.
     pub fn change(&self, candidate: u32, anew: bool) -> [f64; 3] {
-        let column = candidate as usize / self.channels.lanes();
+        let column = candidate as usize / self.channels.per_column();
         let mut change = [0.0; 3];
         for colour in self.channels.colours(candidate) {
             let old = if anew { 0.0 } else { self.values[column][colour] };
@@ -123,13 +123,13 @@ impl Frame<'_> {
 
     /// A candidate's share of its column's cost.
     pub fn cost(&self, candidate: u32) -> f64 {
-        let lanes = self.channels.lanes();
+        let lanes = self.channels.per_column();
         self.costs.get(candidate as usize / lanes).map_or(0.0, |cost| cost / lanes as f64)
     }
 
     /// Whether a candidate's column holds anything: a reset of its band has to take it out, and so to stream it.
     pub fn held(&self, candidate: u32) -> bool {
-        self.values[candidate as usize / self.channels.lanes()] != [0.0; 3]
+        self.values[candidate as usize / self.channels.per_column()] != [0.0; 3]
     }
 
     /// Whether a band holds anything.
@@ -153,7 +153,7 @@ impl Frame<'_> {
         match norm {
             Norm::L1 => self.all_keys(anew)[candidate as usize],
             Norm::L2 => {
-                let weight = self.weights[candidate as usize / self.channels.lanes()];
+                let weight = self.weights[candidate as usize / self.channels.per_column()];
                 self.change(candidate, anew).iter().map(|change| (weight * change) * (weight * change)).sum()
             }
         }

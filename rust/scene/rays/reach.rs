@@ -1,10 +1,10 @@
 //! What a box must meet to matter to a beam: its shadow across the direction against the rectangle around the rays.
 
-// Lanes in loops go by index: closures (`map`, iterators) do not inherit the caller's instruction set, and every
+// Eight in loops go by index: closures (`map`, iterators) do not inherit the caller's instruction set, and every
 // operation inside them would become a call.
 #![allow(clippy::needless_range_loop)]
 
-use super::lanes::Lanes;
+use super::eight::Eight;
 use super::shadow::Leaf;
 
 /// Set in a child's word when it is a leaf.
@@ -86,11 +86,11 @@ pub(super) struct Reach<L> {
 }
 
 #[inline(always)]
-fn sign<L: Lanes>(of: f32) -> L {
+fn sign<L: Eight>(of: f32) -> L {
     L::splat(1.0f32.copysign(of))
 }
 
-impl<L: Lanes> Reach<L> {
+impl<L: Eight> Reach<L> {
     /// Bounds that nothing meets yet.
     #[inline(always)]
     pub(super) fn new(frame: &BeamFrame) -> Self {
@@ -158,16 +158,16 @@ pub(super) struct Boxes<L> {
 }
 
 #[inline(always)]
-pub(super) fn splat<L: Lanes>(of: &[f32; 3]) -> [L; 3] {
+pub(super) fn splat<L: Eight>(of: &[f32; 3]) -> [L; 3] {
     [L::splat(of[0]), L::splat(of[1]), L::splat(of[2])]
 }
 
 #[inline(always)]
-pub(super) fn load<L: Lanes>(of: &[[f32; 8]; 3]) -> [L; 3] {
+pub(super) fn load<L: Eight>(of: &[[f32; 8]; 3]) -> [L; 3] {
     [L::load(&of[0]), L::load(&of[1]), L::load(&of[2])]
 }
 
 #[inline(always)]
-pub(super) fn abs<L: Lanes>(of: &[L; 3]) -> [L; 3] {
+pub(super) fn abs<L: Eight>(of: &[L; 3]) -> [L; 3] {
     [of[0].abs(), of[1].abs(), of[2].abs()]
 }

@@ -6,12 +6,12 @@ use rayon::prelude::*;
 
 use crate::error::Result;
 
-use super::file::Opened;
 use super::manifest::TILES_PER_SHARD;
-use super::matrix::TransportMatrix;
-use super::survey::Survey;
-use super::truncate::Truncation;
+use super::open::Opened;
 use super::writer::{Description, Writer};
+use crate::transport::matrix::TransportMatrix;
+use crate::transport::survey::Survey;
+use crate::transport::truncate::Truncation;
 
 /// The energies of all groups of a matrix; tile by tile, merged in order.
 pub fn survey(matrix: &TransportMatrix, rule: &Truncation) -> Result<Survey> {

@@ -14,13 +14,16 @@ use serde_json::value::RawValue;
 use crate::basis::ColumnSpace;
 use crate::error::{Error, Result};
 
-use super::file::{self, Audit, ReceiverTable};
 use super::manifest::{
     AUDIT, FORMAT, FileEntry, MAJOR, MANIFEST, MINOR, Manifest, RECEIVERS, TILES_PER_SHARD, read_small, shard_name,
     width_name,
 };
+use super::open::{self, Audit};
+use super::receivers;
 use super::shard::{Tensor, is_intact, sync_directory, write_file, write_tensors};
-use super::tile::{GROUP, Tile, Values, Width};
+use crate::transport::entry::{GROUP, Width};
+use crate::transport::receivers::ReceiverTable;
+use crate::transport::tile::{Tile, Values};
 
 const JOB: &str = "job.json";
 const LOCK: &str = "lock";
@@ -105,13 +108,13 @@ impl Writer {
 
     /// Completes the run: receivers, audit, manifest, a full check of everything as a reader would see it, and
     /// publication.
-    pub fn finish(self, about: &Description, receivers: &ReceiverTable, audit: Option<&Audit>) -> Result<()> {
+    pub fn finish(self, about: &Description, table: &ReceiverTable, audit: Option<&Audit>) -> Result<()> {
         let mut manifest = about.manifest(self.shards.values().cloned().collect())?;
         let expected = manifest.shards();
         if let Some(missing) = (0..expected).find(|shard| !self.shards.contains_key(shard)) {
             return Err(Error::input(format!("expected {expected} shards, but shard {missing} was not written")));
         }
-        manifest.files.push(write_tensors(&self.partial, RECEIVERS, receivers.tensors(about.image))?);
+        manifest.files.push(write_tensors(&self.partial, RECEIVERS, receivers::tensors(table, about.image))?);
         if let Some(audit) = audit {
             let mut all = tensors("audit", &audit.tile);
             all.push(Tensor::new("audit.groups", &[audit.groups.len()], &audit.groups));
@@ -121,7 +124,7 @@ impl Writer {
         write_file(&self.partial, MANIFEST, std::iter::once(&text[..]))?;
 
         // What a reader would refuse is never published; the run stays where it can be resumed.
-        drop(file::open(&self.partial)?);
+        drop(open::open(&self.partial)?);
         publish(&self.partial, &self.target)
     }
 }

@@ -13,9 +13,9 @@ use crate::basis::Bands;
 use crate::error::{Error, Result};
 use crate::transport::TransportMatrix;
 
-use super::change::{Term, Update};
 use super::grid::power_of_two;
 use super::kernel::{Engine, Move, Scratch, Sums, Target, batches};
+use crate::update::change::{Term, Update};
 
 /// B for one follower of the light.
 pub struct Response {

@@ -4,7 +4,7 @@
 #![allow(clippy::needless_range_loop)]
 
 use super::beam::Beam;
-use super::lanes::Lanes;
+use super::eight::Eight;
 use super::reach::{Reach, SLACK, load};
 
 /// Relative width of an edge that still counts as inside: a few units in the last place.
@@ -36,20 +36,20 @@ pub(super) struct Shadow {
 }
 
 #[inline(always)]
-fn square<L: Lanes>(of: [L; 2]) -> L {
+fn square<L: Eight>(of: [L; 2]) -> L {
     of[0].mul(of[0]).add(of[1].mul(of[1]))
 }
 
 /// Twice the area between the origin, `from` and `to`: exactly the opposite from `to` to `from`.
 #[inline(always)]
-fn turn<L: Lanes>(from: [L; 2], to: [L; 2]) -> L {
+fn turn<L: Eight>(from: [L; 2], to: [L; 2]) -> L {
     from[0].mul(to[1]).sub(from[1].mul(to[0]))
 }
 
 impl Shadow {
     /// Projects a leaf's triangles; returns those that the rectangle may meet and those that cover all of it in front.
     #[inline(always)]
-    pub(super) fn cast<L: Lanes>(&mut self, leaf: &Leaf, reach: &Reach<L>, rays: u32) -> (u32, u32) {
+    pub(super) fn cast<L: Eight>(&mut self, leaf: &Leaf, reach: &Reach<L>, rays: u32) -> (u32, u32) {
         let mut top = L::splat(f32::NEG_INFINITY);
         let mut corner = [[L::splat(0.0); 3]; 3];
         for k in 0..3 {
@@ -83,7 +83,7 @@ impl Shadow {
     /// Puts the corners in order and stores them; returns the triangles that are not seen edge-on. Those block nothing:
     /// their neighbours' edges hold the rounding error.
     #[inline(always)]
-    fn orient<L: Lanes>(&mut self, corner: &mut [[L; 3]; 3]) -> u32 {
+    fn orient<L: Eight>(&mut self, corner: &mut [[L; 3]; 3]) -> u32 {
         let first = [corner[1][0].sub(corner[0][0]), corner[1][1].sub(corner[0][1])];
         let last = [corner[2][0].sub(corner[0][0]), corner[2][1].sub(corner[0][1])];
         let area = turn(first, last);
@@ -106,7 +106,7 @@ impl Shadow {
 
     /// The whole rectangle beyond one edge: not met. Inside all three and in front: everything is blocked.
     #[inline(always)]
-    fn against_rectangle<L: Lanes>(&self, corner: &[[L; 3]; 3], reach: &Reach<L>, mut met: u32) -> (u32, u32) {
+    fn against_rectangle<L: Eight>(&self, corner: &[[L; 3]; 3], reach: &Reach<L>, mut met: u32) -> (u32, u32) {
         let middle = [L::splat(0.5 * (reach.low[0] + reach.high[0])), L::splat(0.5 * (reach.low[1] + reach.high[1]))];
         let radius = [
             L::splat(0.5 * (reach.high[0] - reach.low[0]) + SLACK),
@@ -130,7 +130,7 @@ impl Shadow {
 
     /// Those of `rays` that any of the `met` triangles blocks, one triangle after the other.
     #[inline(always)]
-    pub(super) fn blocked_packets<L: Lanes>(&self, mut met: u32, beam: &Beam<L>, rays: u64) -> u64 {
+    pub(super) fn blocked_packets<L: Eight>(&self, mut met: u32, beam: &Beam<L>, rays: u64) -> u64 {
         let mut blocked = 0;
         while met != 0 {
             blocked |= self.blocked_by(met.trailing_zeros() as usize, beam, rays & !blocked);
@@ -141,7 +141,7 @@ impl Shadow {
 
     /// Those of `rays` that any of the `met` triangles blocks, one ray against eight triangles at a time.
     #[inline(always)]
-    pub(super) fn blocked_rays<L: Lanes>(&self, met: u32, mut rays: u64, beam: &Beam<L>) -> u64 {
+    pub(super) fn blocked_rays<L: Eight>(&self, met: u32, mut rays: u64, beam: &Beam<L>) -> u64 {
         let mut blocked = 0;
         while rays != 0 {
             let ray = rays.trailing_zeros() as usize;
@@ -170,7 +170,7 @@ impl Shadow {
 
     /// The open rays that one triangle blocks, eight rays at a time: the same arithmetic as `blocked_rays`.
     #[inline(always)]
-    fn blocked_by<L: Lanes>(&self, triangle: usize, beam: &Beam<L>, open: u64) -> u64 {
+    fn blocked_by<L: Eight>(&self, triangle: usize, beam: &Beam<L>, open: u64) -> u64 {
         // Small triangles meet few packets: one comparison over the eight packet boxes finds them.
         let low = [L::splat(self.low[0][triangle]), L::splat(self.low[1][triangle])];
         let high =

@@ -7,53 +7,19 @@
 
 use std::borrow::Cow;
 
-use crate::basis::Bands;
-use crate::error::{Error, Result};
+use crate::update::change::Choice;
 
-use super::approximation::{Choice, Norm};
-use super::frame::Frame;
-use super::select::{Budget, Keyed, Largest, by_key};
-
-/// How a band is found to be worth resetting.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BandTest {
-    /// Incremental if |L - L~| < |L|.
-    Simple,
-    /// Deal one term at a time to the band where the error falls most.
-    Dealer,
-    /// The combination of least error, of all 2^bands.
-    Exhaustive,
-    /// The first bands are always incremental, the others always reset.
-    Fixed { incremental: usize },
-}
-
-/// 2^bands allocations a frame are tried up to here.
-const MAX_EXHAUSTIVE_BANDS: usize = 12;
-
-pub(super) fn check(test: BandTest, bands: &Bands, budget: &Budget) -> Result<()> {
-    let automatic = matches!(test, BandTest::Dealer | BandTest::Exhaustive);
-    if automatic && matches!(budget, Budget::Error { .. }) {
-        return Err(Error::input(
-            "the dealer and exhaustive band tests minimise error within a budget: expected one in terms or in cost, \
-             got a tolerated error",
-        ));
-    }
-    if test == BandTest::Exhaustive && bands.count() > MAX_EXHAUSTIVE_BANDS {
-        return Err(Error::input(format!(
-            "the exhaustive band test tries all combinations: expected at most {MAX_EXHAUSTIVE_BANDS} bands, got {}",
-            bands.count()
-        )));
-    }
-    Ok(())
-}
+use super::candidates::Candidates;
+use super::largest::{Keyed, Largest, by_key};
+use super::method::{Budget, Norm};
 
 /// Which bands are nearer to zero than to our copy. An unchanged band is not, even if it is zero.
-pub(super) fn simple(frame: &Frame, norm: Norm) -> Vec<bool> {
+pub(super) fn simple(candidates: &Candidates, norm: Norm) -> Vec<bool> {
     let anew = |band| {
-        let change = frame.norm(band, false, norm);
-        change > 0.0 && change >= frame.norm(band, true, norm)
+        let change = candidates.norm(band, false, norm);
+        change > 0.0 && change >= candidates.norm(band, true, norm)
     };
-    (0..frame.bands.count()).map(anew).collect()
+    (0..candidates.bands.count()).map(anew).collect()
 }
 
 /// The candidates of a band in one mode, largest first, and what is left once the first n are sent.
@@ -75,38 +41,39 @@ struct Deck {
 }
 
 impl Hand {
-    fn new(frame: &Frame, band: usize, anew: bool, budget: &Budget, norm: Norm) -> Hand {
+    fn new(candidates: &Candidates, band: usize, anew: bool, budget: &Budget, norm: Norm) -> Hand {
         let streams = anew && matches!(budget, Budget::Cost(_));
-        let paid: Vec<u32> = if streams { frame.paid(band).collect() } else { Vec::new() };
-        let mut keys = Cow::from(frame.keys(band, anew));
+        let paid: Vec<u32> = if streams { candidates.paid(band).collect() } else { Vec::new() };
+        let mut keys = Cow::from(candidates.keys(band, anew));
         for &candidate in &paid {
-            keys.to_mut()[candidate as usize - frame.range(band).start] = 0.0;
+            keys.to_mut()[candidate as usize - candidates.range(band).start] = 0.0;
         }
-        let mut largest = Largest::new(most_terms(frame, band, budget));
-        largest.offer(frame.range(band).start, &keys);
+        let mut largest = Largest::new(most_terms(candidates, band, budget));
+        largest.offer(candidates.range(band).start, &keys);
         let cards = largest.sorted();
 
         // What is never sent comes first, then the smallest card.
-        let beyond = frame.error_beyond(band, anew, norm, &keys, &cards);
+        let beyond = candidates.error_beyond(band, anew, norm, &keys, &cards);
         let mut left = vec![beyond; cards.len() + 1];
         for n in (0..cards.len()).rev() {
-            left[n] = left[n + 1] + frame.error(cards[n].candidate, anew, norm);
+            left[n] = left[n + 1] + candidates.error(cards[n].candidate, anew, norm);
         }
-        let mut spent = vec![if streams { frame.held_cost(band) } else { 0.0 }; cards.len() + 1];
+        let mut spent = vec![if streams { candidates.held_cost(band) } else { 0.0 }; cards.len() + 1];
         for n in 0..cards.len() {
-            spent[n + 1] = spent[n] + frame.cost(cards[n].candidate);
+            spent[n + 1] = spent[n] + candidates.cost(cards[n].candidate);
         }
         Hand { cards, paid, left, spent }
     }
 }
 
 /// No band is ever sent more candidates than this.
-fn most_terms(frame: &Frame, band: usize, budget: &Budget) -> usize {
-    let all = frame.range(band).len();
+fn most_terms(candidates: &Candidates, band: usize, budget: &Budget) -> usize {
+    let all = candidates.range(band).len();
     match *budget {
         Budget::Terms(terms) => all.min(terms),
         Budget::Cost(cost) => {
-            let least = frame.range(band).map(|candidate| frame.cost(candidate as u32)).fold(f64::INFINITY, f64::min);
+            let least =
+                candidates.range(band).map(|candidate| candidates.cost(candidate as u32)).fold(f64::INFINITY, f64::min);
             // A saturating conversion: cards that cost nothing are all listed.
             all.min(((cost / least) as usize).saturating_add(1))
         }
@@ -115,12 +82,12 @@ fn most_terms(frame: &Frame, band: usize, budget: &Budget) -> usize {
 }
 
 impl Deck {
-    fn all(frame: &Frame, budget: &Budget, norm: Norm) -> Vec<Deck> {
+    fn all(candidates: &Candidates, budget: &Budget, norm: Norm) -> Vec<Deck> {
         let deck = |band: usize| Deck {
-            hands: [false, true].map(|anew| Hand::new(frame, band, anew, budget, norm)),
-            held: frame.band_held(band),
+            hands: [false, true].map(|anew| Hand::new(candidates, band, anew, budget, norm)),
+            held: candidates.band_held(band),
         };
-        (0..frame.bands.count()).map(deck).collect()
+        (0..candidates.bands.count()).map(deck).collect()
     }
 
     /// The better mode for n cards: 1 is a reset. Without a card a band stays as it is, so that no reset leaves it
@@ -157,8 +124,8 @@ impl Hand {
 ///
 /// A band's error is that of its better mode for the cards it has; the net gain of a card so includes a change of mode.
 /// With a handful of bands a scan for the largest gain is as fast as a heap.
-pub(super) fn deal(frame: &Frame, budget: &Budget, norm: Norm) -> Choice {
-    let mut decks = Deck::all(frame, budget, norm);
+pub(super) fn deal(candidates: &Candidates, budget: &Budget, norm: Norm) -> Choice {
+    let mut decks = Deck::all(candidates, budget, norm);
     let (mut dealt, mut cards) = (vec![0; decks.len()], 0);
     loop {
         // The band whose error falls most; of equals the coarsest.
@@ -197,8 +164,8 @@ fn affordable(budget: &Budget, cards: usize, resets: impl Fn() -> f64, spent: im
 }
 
 /// All combinations of modes (section 6.2.1); of equals the one with the fewest resets of coarse bands.
-pub(super) fn exhaustive(frame: &Frame, budget: &Budget, norm: Norm) -> Choice {
-    let decks = Deck::all(frame, budget, norm);
+pub(super) fn exhaustive(candidates: &Candidates, budget: &Budget, norm: Norm) -> Choice {
+    let decks = Deck::all(candidates, budget, norm);
     let free: Vec<usize> = (0..decks.len()).filter(|&band| decks[band].held).collect();
     let allocate = |combination: usize| {
         let mut modes = vec![0; decks.len()];

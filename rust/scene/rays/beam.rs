@@ -20,8 +20,8 @@
 
 use super::bundle::{Bundle, PACKETS};
 #[cfg(target_arch = "x86_64")]
-use super::lanes::Avx2;
-use super::lanes::{Lanes, Portable};
+use super::eight::Avx2;
+use super::eight::{Eight, Portable};
 use super::reach::{BeamFrame, Boxes, LEAF, Node, Reach, SLACK, WideTree};
 use super::shadow::Shadow;
 use super::shaft::Shaft;
@@ -43,7 +43,7 @@ pub(super) struct Beam<L> {
     packets_of: u64,
 }
 
-impl<L: Lanes> Beam<L> {
+impl<L: Eight> Beam<L> {
     #[inline(always)]
     fn new(bundle: &Bundle, frame: &BeamFrame, active: u64) -> Self {
         let reach = Reach::<L>::new(frame);
@@ -140,7 +140,7 @@ impl<L: Lanes> Beam<L> {
     }
 }
 
-impl<L: Lanes> Beam<L> {
+impl<L: Eight> Beam<L> {
     /// Those of `rays` that lie within one of eight boxes.
     #[inline(always)]
     fn rays_in(&self, boxes: &BoxArrays, place: usize, rays: u64) -> u64 {
@@ -237,7 +237,7 @@ impl Walk {
 }
 
 #[inline(always)]
-fn walk<L: Lanes>(
+fn walk<L: Eight>(
     tree: &WideTree,
     bundle: &Bundle,
     directions: &[[f32; 3]],
@@ -286,7 +286,7 @@ fn walk<L: Lanes>(
 /// The walk of one patch in one direction: box by box, until every ray is blocked or nothing is left. Each box on the
 /// stack comes with the rays that lie in it.
 #[inline(always)]
-fn blocked_along<L: Lanes>(tree: &WideTree, beam: &mut Beam<L>, active: u64, behind: [f32; 3], room: &mut Walk) -> u64 {
+fn blocked_along<L: Eight>(tree: &WideTree, beam: &mut Beam<L>, active: u64, behind: [f32; 3], room: &mut Walk) -> u64 {
     beam.bound(active, behind);
     beam.packets_of = 0;
     room.stack.clear();
@@ -346,7 +346,7 @@ const PRICE: u32 = 8;
 const SCATTERED: u32 = 8;
 
 #[inline(always)]
-fn push<L: Lanes>(tree: &WideTree, place: u32, rays: u64, stack: &mut Vec<(u32, u64)>) {
+fn push<L: Eight>(tree: &WideTree, place: u32, rays: u64, stack: &mut Vec<(u32, u64)>) {
     let number = (place & !LEAF) as usize;
     if place & LEAF == 0 {
         L::prefetch(&tree.nodes[number]);
@@ -358,7 +358,7 @@ fn push<L: Lanes>(tree: &WideTree, place: u32, rays: u64, stack: &mut Vec<(u32, 
 
 /// Pushes the boxes of a node that any of the `rays` lies in.
 #[inline(always)]
-fn push_children<L: Lanes>(
+fn push_children<L: Eight>(
     tree: &WideTree,
     node: &Node,
     beam: &mut Beam<L>,

@@ -4,7 +4,7 @@ use std::arch::x86_64::*;
 use std::ops::Range;
 
 use super::{Columns, Integer, Item, MARKED, Marks, Move, POWERS, Sorted, Spread, Sums, Target, portable};
-use crate::transport::tile::{GROUP, GROUP_BITS};
+use crate::transport::entry::{GROUP, GROUP_BITS};
 
 /// A group's sums in registers: `[colour][quarter]`.
 type Registers = [[__m256d; 4]; 3];

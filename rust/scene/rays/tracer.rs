@@ -15,9 +15,9 @@ use obvhs::{Boundable, BvhBuildParams};
 
 use super::beam::{self, Walk};
 use super::bundle::Bundle;
-use super::mesh::Mesh;
 use super::reach::{LEAF, Node, WideTree};
 use super::shadow::Leaf;
+use crate::scene::mesh::Mesh;
 
 /// Boxes are padded by this much of the normalised scene: eight units in the last place of its largest coordinate.
 const PAD: f32 = 1e-6;

@@ -8,7 +8,7 @@
 
 use super::beam::Starts;
 use super::bundle::{Bundle, PACKETS};
-use super::lanes::Lanes;
+use super::eight::Eight;
 use super::reach::{BeamFrame, LEAF, Node, SLACK, WideTree, abs, load, splat};
 
 /// Boxes that the walks of a block start from, at most about so many.
@@ -31,7 +31,7 @@ pub(super) struct Shaft<L> {
     behind: [f32; 3],
 }
 
-impl<L: Lanes> Shaft<L> {
+impl<L: Eight> Shaft<L> {
     /// The shaft of the rays `active` of a bundle, or none where the directions lie too far apart for one.
     ///
     /// With w the middle direction and slopes (d.u / d.w, d.v / d.w) in [low, high], a ray from o stays within

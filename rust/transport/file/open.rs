@@ -13,27 +13,12 @@ use crate::basis::Bands;
 use crate::error::{Error, Result};
 
 use super::manifest::{FileEntry, MANIFEST, Manifest};
-use super::matrix::TransportMatrix;
-use super::shard::{Shard, Tensor};
-use super::tile::{GROUP, MAX_TILE_ROWS, Slab, Tile, Values, Width, group_of, shift_of};
-use super::truncate::max_step;
-
-/// What turns rows into an image: one item a row, and the light that passes by the scene.
-#[derive(Clone)]
-pub struct ReceiverTable {
-    /// The pixel that a row adds to, row-major.
-    pub pixel: Slab<u32>,
-    /// What share of the pixel the row is.
-    pub weight: Slab<f32>,
-    /// Diffuse reflectance, `[row][rgb]`.
-    pub albedo: Slab<f32>,
-    /// World coordinates, `[row][xyz]`.
-    pub position: Slab<f32>,
-    pub normal: Slab<f32>,
-    pub material: Option<Slab<u16>>,
-    /// What share of each pixel sees no surface.
-    pub background: Slab<f32>,
-}
+use super::receivers;
+use super::shard::Shard;
+use crate::transport::entry::{GROUP, MAX_TILE_ROWS, Width, group_of, max_step, shift_of};
+use crate::transport::matrix::TransportMatrix;
+use crate::transport::receivers::ReceiverTable;
+use crate::transport::tile::{Slab, Tile, Values};
 
 /// Untruncated sample groups: what truncation can be measured against.
 #[derive(Clone)]
@@ -72,7 +57,7 @@ pub fn open(directory: &Path) -> Result<Opened> {
         tiles.extend(shard?);
     }
 
-    let receivers = read_receivers(&Shard::open(directory, &others[0])?, &manifest)?;
+    let receivers = receivers::read(&Shard::open(directory, &others[0])?, &manifest)?;
     let audit = match others.get(1) {
         Some(entry) => Some(read_audit(&Shard::open(directory, entry)?, &manifest, &bands)?),
         None => None,
@@ -198,81 +183,6 @@ fn padding_is_zero(tile: &Tile) -> bool {
                 Values::I16(values) => values[padding].iter().all(|&value| value == 0),
             }
         })
-}
-
-fn read_receivers(file: &Shard, manifest: &Manifest) -> Result<ReceiverTable> {
-    let rows = manifest.rows;
-    let [height, width] = manifest.image;
-    let has_material = file.has("material");
-    file.expect_count(6 + usize::from(has_material))?;
-    let table = ReceiverTable {
-        pixel: file.slab("pixel", &[rows])?,
-        weight: file.slab("weight", &[rows])?,
-        albedo: file.slab("albedo", &[rows, 3])?,
-        position: file.slab("position", &[rows, 3])?,
-        normal: file.slab("normal", &[rows, 3])?,
-        material: if has_material { Some(file.slab("material", &[rows])?) } else { None },
-        background: file.slab("background", &[height * width])?,
-    };
-    table.check(rows, manifest.image).map_err(|what| file.error(what))?;
-    Ok(table)
-}
-
-impl ReceiverTable {
-    /// Whether there is one item a row and a pixel, pixels exist, and all numbers are finite, shares not negative.
-    pub fn check(&self, rows: usize, image: [usize; 2]) -> std::result::Result<(), String> {
-        let pixels = image[0].checked_mul(image[1]).ok_or("expected an image of at most 2^28 pixels")?;
-        let lengths = [
-            ("pixel", self.pixel.len(), rows),
-            ("weight", self.weight.len(), rows),
-            ("albedo", self.albedo.len(), 3 * rows),
-            ("position", self.position.len(), 3 * rows),
-            ("normal", self.normal.len(), 3 * rows),
-            ("material", self.material.as_ref().map_or(rows, |items| items.len()), rows),
-            ("background", self.background.len(), pixels),
-        ];
-        if let Some((what, found, expected)) = lengths.into_iter().find(|(_, found, expected)| found != expected) {
-            return Err(format!("expected {expected} numbers of {what}, found {found}"));
-        }
-        if let Some(pixel) = self.pixel.iter().find(|&&pixel| pixel as usize >= pixels) {
-            return Err(format!("expected pixels below {pixels}, found {pixel}"));
-        }
-        let shares = [("weight", &self.weight), ("albedo", &self.albedo), ("background", &self.background)];
-        for (what, items) in shares {
-            if let Some(item) = items.iter().find(|item| !(item.is_finite() && **item >= 0.0)) {
-                return Err(format!("expected finite {what} values >= 0, found {item}"));
-            }
-        }
-        for (what, items) in [("position", &self.position), ("normal", &self.normal)] {
-            if let Some(item) = items.iter().find(|item| !item.is_finite()) {
-                return Err(format!("expected finite {what} values, found {item}"));
-            }
-        }
-        Ok(())
-    }
-
-    /// The arrays of `receivers.safetensors`.
-    pub(super) fn tensors(&self, image: [usize; 2]) -> Vec<Tensor<'_>> {
-        let rows = self.pixel.len();
-        let mut all = vec![
-            Tensor::new("pixel", &[rows], &self.pixel),
-            Tensor::new("weight", &[rows], &self.weight),
-            Tensor::new("albedo", &[rows, 3], &self.albedo),
-            Tensor::new("position", &[rows, 3], &self.position),
-            Tensor::new("normal", &[rows, 3], &self.normal),
-            Tensor::new("background", &[image[0] * image[1]], &self.background),
-        ];
-        if let Some(material) = &self.material {
-            all.push(Tensor::new("material", &[rows], material));
-        }
-        all
-    }
-
-    pub fn nbytes(&self) -> usize {
-        let floats = self.weight.len() + self.albedo.len() + self.position.len() + self.normal.len();
-        let material = self.material.as_ref().map_or(0, |material| material.len());
-        4 * (self.pixel.len() + floats + self.background.len()) + 2 * material
-    }
 }
 
 fn read_audit(file: &Shard, manifest: &Manifest, bands: &Bands) -> Result<Audit> {

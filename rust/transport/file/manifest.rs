@@ -9,8 +9,7 @@ use serde_json::value::RawValue;
 use crate::basis::ColumnSpace;
 use crate::error::{Error, Result};
 
-use super::tile::{GROUP, MAX_TILE_ROWS, Width};
-use super::truncate::check_quantum;
+use crate::transport::entry::{GROUP, MAX_TILE_ROWS, Width, check_quantum};
 
 pub const FORMAT: &str = "deltalux.transport";
 /// The major version is refused where it is unknown; a minor one only adds keys or files that older readers may ignore.

@@ -19,7 +19,7 @@
 //!     budget: Budget::Terms(30),
 //!     weights: bands.areas,
 //!     costs: Vec::new(),
-//!     channels: Channels::Joint,
+//!     channels: Colours::Joint,
 //! })?;
 //! let update = follow.step(&target)?;
 //! assert_eq!(update.terms.len(), 30);
@@ -33,80 +33,16 @@
 //! and its band goes on incrementally; one that fits sends the light in those columns, which then costs nothing more.
 //! (Where all that is held is reset, sums start from zero, and only terms cost.)
 
-use std::ops::Range;
-
 use crate::basis::Bands;
 use crate::error::{Error, Result};
 
-use super::band_test::{self, BandTest};
-use super::change::{Term, Update};
-use super::frame::{Frame, Keys};
+use crate::update::change::{Choice, Term, Update};
+
+use super::band_test;
+use super::candidates::{Candidates, Keys};
 use super::harmonic;
-use super::select::{self, Budget};
-
-/// How the columns of a frame are chosen.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Method {
-    /// Every column that differs, whatever the budget.
-    Full,
-    /// NWA: the values are exactly the largest terms of the light.
-    Nonlinear,
-    /// The values are exactly the first columns of the light: spherical harmonics of a low order, say.
-    Linear,
-    /// BI: the largest changes.
-    Incremental,
-    /// PBI: each band is either reset or updated incrementally.
-    PerBand { test: BandTest, norm: Norm },
-    /// PBI for spherical harmonics: low bands first, each to a tolerance relative to the light (`harmonic.rs`).
-    HarmonicOrder { tolerance: f64 },
-}
-
-/// How the band tests measure error, over columns and colours.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Norm {
-    L1,
-    L2,
-}
-
-/// Whether a term changes the three colours of its column or one of them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Channels {
-    Joint,
-    Separate,
-}
-
-impl Channels {
-    /// Candidates of a column.
-    pub(super) fn lanes(self) -> usize {
-        match self {
-            Channels::Joint => 1,
-            Channels::Separate => 3,
-        }
-    }
-
-    /// The colours that a candidate changes.
-    pub(super) fn colours(self, candidate: u32) -> Range<usize> {
-        match self {
-            Channels::Joint => 0..3,
-            Channels::Separate => {
-                let colour = candidate as usize % 3;
-                colour..colour + 1
-            }
-        }
-    }
-}
-
-/// All that choosing can be told.
-#[derive(Clone, Debug)]
-pub struct Settings {
-    pub method: Method,
-    pub budget: Budget,
-    /// What a unit of change in a column is worth: area, the norm of the column of M, ...
-    pub weights: Vec<f64>,
-    /// What sending a column costs, in the unit of `Budget::Cost`; empty if nothing is known of it.
-    pub costs: Vec<f64>,
-    pub channels: Channels,
-}
+use super::method::{BandTest, Budget, Method, Settings};
+use super::select;
 
 /// A copy of V that follows it within a budget.
 #[derive(Clone)]
@@ -118,15 +54,8 @@ pub struct Approximation {
     keys: Keys,
 }
 
-/// Coefficients and weights up to these limits neither overflow a key nor the square of one.
-pub(super) const MAX_COEFFICIENT: f64 = 1e90;
-const MAX_WEIGHT: f64 = 1e30;
-
-/// What a frame does: which bands start anew, and which candidates are sent.
-pub(super) struct Choice {
-    pub anew: Vec<bool>,
-    pub sent: Vec<u32>,
-}
+/// Coefficients up to this limit neither overflow a key nor the square of one.
+pub(in crate::update) const MAX_COEFFICIENT: f64 = 1e90;
 
 impl Approximation {
     /// Starts from no light at all.
@@ -143,7 +72,7 @@ impl Approximation {
     }
 
     /// `step`, for light that has been checked.
-    pub(super) fn follow(&mut self, target: &[[f64; 3]]) -> Update {
+    pub(in crate::update) fn follow(&mut self, target: &[[f64; 3]]) -> Update {
         let choice = self.choose(target);
         self.send(target, choice)
     }
@@ -152,7 +81,7 @@ impl Approximation {
     fn choose(&mut self, target: &[[f64; 3]]) -> Choice {
         let Approximation { bands, settings, values, keys } = self;
         keys.measure(settings.channels, &settings.weights, target, values);
-        let frame = Frame {
+        let candidates = Candidates {
             bands,
             channels: settings.channels,
             weights: &settings.weights,
@@ -163,20 +92,20 @@ impl Approximation {
         };
 
         let budget = &settings.budget;
-        let by_key = |anew: Vec<bool>, budget: &Budget| select::choose(&frame, anew, budget);
+        let by_key = |anew: Vec<bool>, budget: &Budget| select::choose(&candidates, anew, budget);
         match settings.method {
             Method::Full => by_key(vec![false; bands.count()], &Budget::Terms(usize::MAX)),
             Method::Nonlinear => by_key(vec![true; bands.count()], budget),
-            Method::Linear => select::first(&frame, budget),
+            Method::Linear => select::first(&candidates, budget),
             _ if budget.is_nothing() => Choice { anew: vec![false; bands.count()], sent: Vec::new() },
             Method::Incremental => by_key(vec![false; bands.count()], budget),
-            Method::PerBand { test: BandTest::Simple, norm } => by_key(band_test::simple(&frame, norm), budget),
+            Method::PerBand { test: BandTest::Simple, norm } => by_key(band_test::simple(&candidates, norm), budget),
             Method::PerBand { test: BandTest::Fixed { incremental }, .. } => {
                 by_key((0..bands.count()).map(|band| band >= incremental).collect(), budget)
             }
-            Method::PerBand { test: BandTest::Dealer, norm } => band_test::deal(&frame, budget, norm),
-            Method::PerBand { test: BandTest::Exhaustive, norm } => band_test::exhaustive(&frame, budget, norm),
-            Method::HarmonicOrder { tolerance } => harmonic::choose(&frame, budget, tolerance),
+            Method::PerBand { test: BandTest::Dealer, norm } => band_test::deal(&candidates, budget, norm),
+            Method::PerBand { test: BandTest::Exhaustive, norm } => band_test::exhaustive(&candidates, budget, norm),
+            Method::HarmonicOrder { tolerance } => harmonic::choose(&candidates, budget, tolerance),
         }
     }
 
@@ -195,7 +124,7 @@ impl Approximation {
         choice.sent.sort();
         update.terms.reserve_exact(choice.sent.len());
         for candidate in choice.sent {
-            let column = candidate as usize / self.settings.channels.lanes();
+            let column = candidate as usize / self.settings.channels.per_column();
             if update.terms.last().is_none_or(|term| term.column as usize != column) {
                 update.terms.push(Term { column: column as u32, change: [0.0; 3] });
             }
@@ -242,53 +171,6 @@ impl Approximation {
 
     pub fn settings(&self) -> &Settings {
         &self.settings
-    }
-}
-
-impl Settings {
-    fn check(&self, bands: &Bands) -> Result<()> {
-        check_numbers("weights", &self.weights, bands.columns(), MAX_WEIGHT)?;
-        if !self.costs.is_empty() {
-            check_numbers("costs", &self.costs, bands.columns(), MAX_WEIGHT)?;
-        }
-        self.check_choice(bands)
-    }
-
-    /// The budget and the method.
-    fn check_choice(&self, bands: &Bands) -> Result<()> {
-        match &self.budget {
-            Budget::Terms(_) => {}
-            Budget::Cost(_) if self.costs.is_empty() => {
-                return Err(Error::input("a budget in cost needs the cost of every column, got none"));
-            }
-            Budget::Cost(cost) => check_number("the budget in cost", *cost)?,
-            Budget::Error { tolerance, factors } => {
-                check_number("the tolerated error", *tolerance)?;
-                check_numbers("band factors", factors, bands.count(), MAX_WEIGHT)?;
-            }
-        }
-        match self.method {
-            Method::HarmonicOrder { tolerance } => check_number("the tolerance of a band", tolerance),
-            Method::PerBand { test, .. } => band_test::check(test, bands, &self.budget),
-            _ => Ok(()),
-        }
-    }
-}
-
-fn check_number(name: &str, number: f64) -> Result<()> {
-    if number >= 0.0 && number.is_finite() {
-        return Ok(());
-    }
-    Err(Error::input(format!("expected {name} to be finite and not negative, got {number}")))
-}
-
-fn check_numbers(name: &str, numbers: &[f64], count: usize, most: f64) -> Result<()> {
-    if numbers.len() != count {
-        return Err(Error::input(format!("expected {count} {name}, got {}", numbers.len())));
-    }
-    match numbers.iter().position(|number| !(0.0..=most).contains(number)) {
-        Some(at) => Err(Error::input(format!("expected {name} from 0 to {most:e}, got {} at {at}", numbers[at]))),
-        None => Ok(()),
     }
 }
 

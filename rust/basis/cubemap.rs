@@ -4,8 +4,6 @@
 //! With s, t in [-1, 1] growing to the right and *down*, a face at distance 1 is spanned by `face_basis`:
 //! direction = s * right + t * down + out (not normalised).
 
-pub use crate::basis::haar::{rectangle_solid_angle, solid_angles};
-
 /// (right, down, out) of each face.
 const FACES: [[[f64; 3]; 3]; 6] = [
     [[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]],
@@ -55,4 +53,18 @@ pub fn direction_to_face_uv(direction: [f64; 3]) -> (usize, f64, f64) {
 /// The texel of a face that holds coordinate s or t.
 pub fn texel_of(size: usize, coordinate: f64) -> usize {
     (((coordinate + 1.0) * 0.5 * size as f64) as usize).min(size - 1)
+}
+
+/// The solid angle of the part [x0, x1] x [y0, y1] of a cube's face at distance 1, from the antiderivative at its corners.
+pub fn rectangle_solid_angle([x0, x1]: [f64; 2], [y0, y1]: [f64; 2]) -> f64 {
+    let corner = |x: f64, y: f64| (x * y).atan2((x * x + y * y + 1.0).sqrt());
+    (corner(x1, y1) + corner(x0, y0)) - (corner(x0, y1) + corner(x1, y0))
+}
+
+/// The solid angles of one face's `size` x `size` texels, row by row; the six faces are alike.
+pub fn solid_angles(size: usize) -> Vec<f64> {
+    // (2k - n) / n keeps the edges odd-symmetric to the last bit, so mirrored texels get equal areas.
+    let edge = |k: usize| (2.0 * k as f64 - size as f64) / size as f64;
+    let span = |k: usize| [edge(k), edge(k + 1)];
+    (0..size * size).map(|texel| rectangle_solid_angle(span(texel % size), span(texel / size))).collect()
 }

@@ -1,0 +1,89 @@
+//! What an entry of M is made of: a word, 16 integers, and the numbers that hold for all of them.
+
+use crate::error::{Error, Result};
+
+/// Rows in a group: the unit of truncation and of the kernels.
+pub const GROUP: usize = 16;
+/// The most rows of a tile (10 bits of group number).
+pub const MAX_TILE_ROWS: usize = 1024 * GROUP;
+/// Bits of an entry's word that hold the group number; the rest is the shift.
+pub const GROUP_BITS: u32 = 10;
+
+/// One column of a group: its coefficient in each of the 16 rows.
+pub type Rows16 = [f32; GROUP];
+
+/// Stored values stay below 2^20, so that sums of them cannot overflow anything.
+pub const MAX_EXPONENT: i32 = 20;
+/// The least quantum, so that every intermediate value is an ordinary f32.
+pub const MIN_QUANTUM: i32 = -64;
+
+/// How wide the stored integers are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Width {
+    I8,
+    I16,
+}
+
+impl Width {
+    /// The largest magnitude used; the most negative integer stays free so that -q is always there.
+    pub fn max(self) -> i16 {
+        match self {
+            Width::I8 => i8::MAX as i16,
+            Width::I16 => i16::MAX,
+        }
+    }
+}
+
+/// Bits of the magnitude of a stored integer.
+pub fn integer_bits(width: Width) -> i32 {
+    match width {
+        Width::I8 => 7,
+        Width::I16 => 15,
+    }
+}
+
+/// The largest exponent that quantum + shift may have at a width.
+pub fn max_step(width: Width) -> i32 {
+    MAX_EXPONENT - integer_bits(width)
+}
+
+/// Refuses quanta with which no value could be stored, or not exactly.
+pub fn check_quantum(quantum: i32, width: Width) -> Result<()> {
+    if (MIN_QUANTUM..=max_step(width)).contains(&quantum) {
+        return Ok(());
+    }
+    let most = max_step(width);
+    Err(Error::input(format!("expected a quantum (exponent of two) from {MIN_QUANTUM} to {most}, got {quantum}")))
+}
+
+/// The group's number in an entry's word.
+pub fn group_of(word: u16) -> usize {
+    usize::from(word & ((1 << GROUP_BITS) - 1))
+}
+
+/// The binary shift in an entry's word.
+pub fn shift_of(word: u16) -> i32 {
+    i32::from(word >> GROUP_BITS)
+}
+
+#[inline(always)]
+pub fn power_of_two(exponent: i32) -> f32 {
+    debug_assert!((-126..=127).contains(&exponent));
+    f32::from_bits(((exponent + 127) as u32) << 23)
+}
+
+/// The least bfloat16 that is not below a norm.
+pub fn bf16_up(norm: f64) -> u16 {
+    debug_assert!(norm >= 0.0);
+    let mut single = norm as f32;
+    if f64::from(single) < norm {
+        single = single.next_up();
+    }
+    // The integer order of bit patterns is the order of positive floats: adding one steps to the next bfloat16.
+    (single.to_bits().wrapping_add(0xffff) >> 16) as u16
+}
+
+/// What a stored norm says.
+pub fn bf16(bits: u16) -> f32 {
+    f32::from_bits(u32::from(bits) << 16)
+}

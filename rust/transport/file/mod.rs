@@ -1,0 +1,12 @@
+//! The transport directory: `FORMAT.md` is its specification, and comes first.
+
+pub mod manifest;
+pub mod open;
+mod receivers;
+pub mod rewrite;
+pub mod shard;
+pub mod writer;
+
+pub use open::{Audit, Opened, open};
+pub use rewrite::{rewrite, survey};
+pub use writer::{Description, Writer};
