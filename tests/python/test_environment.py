@@ -8,9 +8,9 @@ import numpy as np
 import OpenImageIO
 import pytest
 from deltalux import _core
-from deltalux.environment import Environment
 from deltalux.io import load_image, save_image, to_display
-from deltalux.layouts import face_directions
+from deltalux.light.environment import Environment
+from deltalux.light.layouts import face_directions
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -6,8 +6,8 @@ import pytest
 import scipy.special
 from deltalux import Environment, SphericalHarmonics
 from deltalux.columns import parse
-from deltalux.environment import _rotation
-from deltalux.sequences import texel_directions
+from deltalux.light.sequences import texel_directions
+from deltalux.rotation import rotation_matrix
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -94,7 +94,7 @@ def test_rotation_is_that_of_the_environment(seed, degrees, axis, order):
     columns, V = SphericalHarmonics(order), smooth_light(order, seed)
     turned = columns.rotated(V, degrees, axis)
     d = directions(20, seed)
-    before = columns.evaluate(d @ _rotation(degrees, axis)) @ V
+    before = columns.evaluate(d @ rotation_matrix(degrees, axis)) @ V
     np.testing.assert_allclose(columns.evaluate(d) @ turned, before, atol=1e-12)
 
 

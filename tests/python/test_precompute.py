@@ -17,7 +17,7 @@ import numpy as np
 import oracles
 import pytest
 from deltalux import _core
-from deltalux.precompute import _TILE_ROWS
+from deltalux.precomputation.run import _TILE_ROWS
 
 # Tiles are of 8192 rows and shards of 4: more than 32768 pixels make two shards.
 SIZE = 192

@@ -7,11 +7,12 @@ from pathlib import Path
 import deltalux as dl
 import numpy as np
 import pytest
-from deltalux import _core, cli
-from deltalux.motion import Motion, ease
-from deltalux.replay import relative_errors
+from deltalux import _core
+from deltalux.command import cli
+from deltalux.light.motion import Motion, ease
+from deltalux.relight.comparison import relative_errors
 from deltalux.report import METHODS, check_report, report
-from deltalux.size_curve import size_curve
+from deltalux.report.size_curve import size_curve
 from hypothesis import given
 from hypothesis import strategies as st
 
