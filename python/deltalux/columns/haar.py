@@ -5,13 +5,16 @@ from __future__ import annotations
 import operator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import _core
+from .._core import column_bands
 from ..checks import read_only
-from ..light.environment import Environment
+
+if TYPE_CHECKING:
+    from ..light.environment import Environment
 
 
 @dataclass(frozen=True)
@@ -40,7 +43,7 @@ class Haar:
             raise ValueError(f"a Haar cubemap face must be a whole number of texels wide, got {self.size!r}") from None
         if self.size < 1:
             raise ValueError(f"a Haar cubemap face must be at least 1 texel wide, got {self.size}")
-        _core.column_bands(str(self))
+        column_bands(str(self))
 
     def __str__(self) -> str:
         return f"haar:{self.size}"
@@ -58,13 +61,13 @@ class Haar:
     @cached_property
     def bands(self) -> NDArray[np.intp]:
         """The band of every column, 0 the coarsest: (columns,), ascending, read-only."""
-        starts, _ = _core.column_bands(str(self))
+        starts, _ = column_bands(str(self))
         return read_only(np.repeat(np.arange(len(starts) - 1), np.diff(starts)))
 
     @cached_property
     def areas(self) -> NDArray[np.float64]:
         """Texels under the support of every column: (columns,) float64, read-only."""
-        return read_only(_core.column_bands(str(self))[1])
+        return read_only(column_bands(str(self))[1])
 
     @cached_property
     def band_names(self) -> tuple[str, ...]:
@@ -85,4 +88,4 @@ class Haar:
             The integral over the sphere of radiance times the orthonormal wavelet; its square sums to the integral of
             the squared radiance.
         """
-        return _core.environment_coefficients(env._parts, self.size)
+        return env._haar(self.size)

@@ -5,14 +5,17 @@ from __future__ import annotations
 import operator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .. import _core
+from .._core import column_bands, harmonic_projection, harmonic_rotation, harmonic_values, harmonic_window
 from ..checks import read_only
-from ..light.environment import Environment
 from ..rotation import rotation_matrix, unit_directions
+
+if TYPE_CHECKING:
+    from ..light.environment import Environment
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,7 @@ class SphericalHarmonics:
             raise ValueError(f"an order of spherical harmonics must be a whole number, got {self.order!r}") from None
         if self.order < 1:
             raise ValueError(f"an order of spherical harmonics must be at least 1, got {self.order}")
-        _core.column_bands(str(self))
+        column_bands(str(self))
 
     def __str__(self) -> str:
         return f"sh:{self.order}"
@@ -86,14 +89,14 @@ class SphericalHarmonics:
         Each map of the environment is projected once, unrotated, as a cubemap with 64 x 64 texels a face; its rotation
         then turns the coefficients (Ivanic and Ruedenberg 1996), always those of the original.
         """
-        return _core.harmonic_coefficients(env._parts, self.order)
+        return env._harmonics(self.order)
 
     def project(self, cubemap: ArrayLike) -> NDArray[np.float64]:
         """The coefficients of six faces (6, n, n, 3), n even, constant over each texel: (columns, 3) float64."""
         faces = np.ascontiguousarray(cubemap, np.float32)
         if faces.ndim != 4 or faces.shape != (6, faces.shape[1], faces.shape[1], 3):
             raise ValueError(f"expected a cubemap of shape (6, n, n, 3), got {faces.shape}")
-        return _core.harmonic_projection(self.order, faces)
+        return harmonic_projection(self.order, faces)
 
     def evaluate(self, directions: ArrayLike) -> NDArray[np.float64]:
         """All functions in directions (..., 3) of any length: (..., columns) float64.
@@ -101,21 +104,21 @@ class SphericalHarmonics:
         ``evaluate(directions) @ V`` is the light that the coefficients V describe.
         """
         unit = unit_directions(directions)
-        return _core.harmonic_values(self.order, unit.reshape(-1, 3)).reshape(*unit.shape[:-1], self.columns)
+        return harmonic_values(self.order, unit.reshape(-1, 3)).reshape(*unit.shape[:-1], self.columns)
 
     def rotated(self, V: ArrayLike, degrees: float, axis: str | ArrayLike = "y") -> NDArray[np.float64]:
         """The coefficients (columns, 3) of the light turned about an axis, as `Environment.rotated` turns it.
 
         Turn the original coefficients by the whole angle every frame: turns of turns add up their rounding.
         """
-        return _core.harmonic_rotation(self._checked(V), rotation_matrix(degrees, axis).tolist())
+        return harmonic_rotation(self._checked(V), rotation_matrix(degrees, axis).tolist())
 
     def windowed(self, V: ArrayLike, width: float | None = None) -> NDArray[np.float64]:
         """The coefficients (columns, 3) under a Hanning window: degree l times cos^2(pi l / 2 width).
 
         Less ringing for less sharpness. `width` is in degrees l, by default the order; from it on all is 0.
         """
-        return _core.harmonic_window(self._checked(V), float(self.order if width is None else width))
+        return harmonic_window(self._checked(V), float(self.order if width is None else width))
 
     def _checked(self, V: ArrayLike) -> NDArray[np.float64]:
         array = np.ascontiguousarray(V, np.float64)

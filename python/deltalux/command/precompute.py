@@ -58,5 +58,5 @@ def _info(chosen: argparse.Namespace) -> None:
     for band, name in enumerate(columns.band_names):
         own = columns.bands == band
         say(f"  {band:>4} {own.sum():>8,} {name:>22} {size[own].sum() / 1e6:>9,.2f}")
-    for name, length in transport._core.files:
+    for name, length in transport.files:
         say(f"  {name}: {length:,} bytes")

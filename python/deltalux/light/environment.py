@@ -12,11 +12,19 @@ from functools import cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .. import _core
+from .._core import (
+    EnvironmentMap,
+    environment_coefficients,
+    environment_cubemap,
+    environment_radiance,
+    harmonic_coefficients,
+)
+from ..io import load_image
 from ..rotation import IDENTITY, Matrix, as_matrix, rotation_matrix, unit_directions
 from . import layouts, skies
 
-_Part = tuple[float, _core.EnvironmentMap, Matrix]
+_Layer = tuple[float, EnvironmentMap, Matrix]
+"""A map, its weight in the sum, and how it is turned."""
 
 _LARGEST_HALF = 65504.0
 _LARGEST_FACE = 2048
@@ -30,9 +38,9 @@ class Environment:
     (Mitsuba's and OpenEXR's convention); cubemaps have the faces +X, -X, +Y, -Y, +Z, -Z in OpenGL's orientation.
     """
 
-    __slots__ = ("_parts", "name")
+    __slots__ = ("_layers", "name")
 
-    _parts: tuple[_Part, ...]
+    _layers: tuple[_Layer, ...]
     name: str
     """Where the light comes from, for titles and reports."""
 
@@ -40,9 +48,9 @@ class Environment:
         raise TypeError("use Environment.load, .builtin, .from_latlong or .from_cubemap")
 
     @classmethod
-    def _of(cls, parts: Sequence[_Part], name: str) -> Environment:
+    def _of(cls, layers: Sequence[_Layer], name: str) -> Environment:
         self = object.__new__(cls)
-        object.__setattr__(self, "_parts", tuple(parts))
+        object.__setattr__(self, "_layers", tuple(layers))
         object.__setattr__(self, "name", name)
         return self
 
@@ -76,8 +84,6 @@ class Environment:
         ValueError
             The layout is not recognised, or pixels are NaN or infinite (count, row and column of the first).
         """
-        from ..io import load_image
-
         image, metadata = load_image(path)
         envmap = metadata.get("envmap")
         height, width = image.shape[:2]
@@ -115,14 +121,14 @@ class Environment:
 
     @classmethod
     def _from_pixels(cls, pixels: NDArray[np.float32], name: str) -> Environment:
-        make = _core.EnvironmentMap.from_latlong if pixels.ndim == 3 else _core.EnvironmentMap.from_cubemap
+        make = EnvironmentMap.from_latlong if pixels.ndim == 3 else EnvironmentMap.from_cubemap
         return cls._of([(1.0, make(np.ascontiguousarray(pixels)), IDENTITY)], name)
 
     def rotated(self, degrees: float, axis: str | ArrayLike = "y") -> Environment:
         """The light turned by the right-hand rule about ``"x"``, ``"y"``, ``"z"`` or a 3-vector: L'(d) = L(R⁻¹ d)."""
         turn = rotation_matrix(degrees, axis)
-        parts = [(weight, part, as_matrix(turn @ np.array(own))) for weight, part, own in self._parts]
-        return self._of(parts, self.name)
+        layers = [(weight, light, as_matrix(turn @ np.array(own))) for weight, light, own in self._layers]
+        return self._of(layers, self.name)
 
     def mixed(self, other: Environment, t: float) -> Environment:
         """The blend (1 - t) self + t other."""
@@ -130,14 +136,14 @@ class Environment:
             raise TypeError(f"expected an Environment to mix with, got {type(other).__name__}")
         if not math.isfinite(t):
             raise ValueError(f"expected a finite t, got {t}")
-        parts = (*self.scaled(1.0 - t)._parts, *other.scaled(t)._parts)
-        return self._of(parts, f"{self.name} and {other.name}")
+        layers = (*self.scaled(1.0 - t)._layers, *other.scaled(t)._layers)
+        return self._of(layers, f"{self.name} and {other.name}")
 
     def scaled(self, factor: float) -> Environment:
         """The light times a finite factor."""
         if not math.isfinite(factor):
             raise ValueError(f"expected a finite factor, got {factor}")
-        return self._of([(weight * factor, part, turn) for weight, part, turn in self._parts], self.name)
+        return self._of([(weight * factor, light, turn) for weight, light, turn in self._layers], self.name)
 
     def cubemap(self, size: int) -> NDArray[np.float32]:
         """Radiance averaged over a cubemap's texels, `size` x `size` a face: (6, size, size, 3) float32.
@@ -148,14 +154,24 @@ class Environment:
         size = operator.index(size)
         if not 1 <= size <= _LARGEST_FACE:
             raise ValueError(f"expected a cubemap face of 1 to {_LARGEST_FACE} texels, got {size}")
-        cubemap: NDArray[np.float32] = _core.environment_cubemap(self._parts, size)
+        cubemap: NDArray[np.float32] = environment_cubemap(self._layers, size)
         return cubemap
 
     def radiance(self, directions: ArrayLike) -> NDArray[np.float32]:
         """Radiance from directions (..., 3) of any length, (..., 3) float32: what a camera sees behind the scene."""
         unit = unit_directions(directions)
-        radiance: NDArray[np.float32] = _core.environment_radiance(self._parts, unit.reshape(-1, 3))
+        radiance: NDArray[np.float32] = environment_radiance(self._layers, unit.reshape(-1, 3))
         return radiance.reshape(unit.shape)
+
+    # Light projects itself: columns ask for these two, and know nothing of maps and turns.
+
+    def _haar(self, size: int) -> NDArray[np.float64]:
+        """`Haar.coefficients`: what the light is in wavelets on faces of `size` x `size` texels."""
+        return environment_coefficients(self._layers, size)
+
+    def _harmonics(self, order: int) -> NDArray[np.float64]:
+        """`SphericalHarmonics.coefficients`: what the light is in harmonics of the degrees below `order`."""
+        return harmonic_coefficients(self._layers, order)
 
 
 @cache

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import _core
+from .._core import DEBUG_BUILD, __version__
 
 __all__ = ["machine", "require_release"]
 
@@ -23,7 +23,7 @@ def require_release() -> None:
     ValueError
         If the core was built without optimisation.
     """
-    if _core.DEBUG_BUILD:
+    if DEBUG_BUILD:
         raise ValueError("expected a release build of deltalux, got a debug build: its run times mean nothing")
 
 
@@ -35,7 +35,7 @@ def machine() -> dict[str, str]:
         "cores": f"{usable} usable of {os.cpu_count()}",
         "memory": _memory(),
         "system": f"{platform.system()} {platform.release()}, {platform.machine()}",
-        "deltalux": f"{_core.__version__}, release build",
+        "deltalux": f"{__version__}, release build",
         "Python": f"{platform.python_version()} ({platform.python_implementation()})",
         "numpy": np.__version__,
         "date": datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC"),

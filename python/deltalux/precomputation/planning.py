@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from .. import _core
+from .._core import threads as used_threads
 from ..columns import Columns, Haar
 from ..scene.scene import Scene
+from ..transport.entry import ENTRY_BYTES, GROUP, TILE_ROWS
 from ..transport.plan import Plan
 from .quality import Quality
 
@@ -24,16 +25,16 @@ def make_plan(scene: Scene, columns: Columns, quality: str, settings: Quality) -
     camera = scene.camera
     pixels = camera.width * camera.height
     rows = round(pixels * (_ROWS_PER_PIXEL if settings.edges else 1))
-    threads = _core.threads()
+    threads = used_threads()
     edge_rays = _EDGE_RAYS if settings.edge_side else 0.0
     texels = 6 * columns.face**2
     rays = rows * texels * _ABOVE * (1 + edge_rays)
-    entry = 18 if settings.width == "i8" else 34
+    entry = ENTRY_BYTES[settings.width]
     # Entries grow slower than columns, fine wavelets being sparse; harmonics are dense.
     sparse = _ENTRIES_PER_GROUP.get(quality, 420) * (columns.columns / 24576) ** 0.5
     entries = sparse if isinstance(columns, Haar) else columns.columns
     triangles = len(scene.triangles)
-    in_flight = threads * 16 * texels * 4 * 2 + 4 * 8192 / 16 * entries * entry * 3
+    in_flight = threads * 16 * texels * 4 * 2 + 4 * TILE_ROWS / GROUP * entries * entry * 3
     return Plan(
         scene=scene.name,
         triangles=triangles,
@@ -48,7 +49,7 @@ def make_plan(scene: Scene, columns: Columns, quality: str, settings: Quality) -
         quality=quality,
         tolerance=settings.tolerance,
         rays=rays,
-        bytes_on_disk=rows / 16 * entries * entry + 60.0 * rows,
+        bytes_on_disk=rows / GROUP * entries * entry + 60.0 * rows,
         bytes_in_memory=120e6 + 400.0 * triangles + 250.0 * rows + in_flight,
         seconds=rays / (_RAYS_PER_SECOND * threads),
         threads=threads,

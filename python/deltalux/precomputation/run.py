@@ -9,10 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from .. import _core
+from .._core import DirectPass, TileData, TransportWriter, __version__
+from .._core import Scene as CoreScene
 from ..columns import Columns, parse
 from ..progress import Progress, reporter
 from ..scene.scene import Scene
+from ..transport.entry import TILE_ROWS
 from ..transport.plan import Plan
 from ..transport.transport import Transport
 from .planning import make_plan
@@ -23,7 +25,6 @@ __all__ = ["plan", "precompute"]
 
 # Every value of M is an integer times 2^-24: below what an image can show, coarse enough for exact sums.
 _QUANTUM = -24
-_TILE_ROWS = 8192
 # Bundles of 64 rows that are looked at first, to choose the threshold for the stated error: one in twenty, but at
 # least and at most so many.
 _SURVEY = (8, 64)
@@ -101,9 +102,9 @@ def precompute(
     drawn = make_plan(scene, columns, quality, settings)
     check_room(drawn, path)
 
-    job = {"scene": scene.content_hash(), "columns": str(columns), "version": _core.__version__, **asdict(settings)}
+    job = {"scene": scene.content_hash(), "columns": str(columns), "version": __version__, **asdict(settings)}
     run = _Run(scene, columns, settings, reporter(progress, scene.name))
-    run.writer = _core.TransportWriter(path, json.dumps(job, sort_keys=True))
+    run.writer = TransportWriter(path, json.dumps(job, sort_keys=True))
     error, threshold = run.trace()
     run.finish(drawn, error, threshold)
     return Transport.open(path)
@@ -112,14 +113,14 @@ def precompute(
 class _Run:
     """One precomputation: find the receivers, look at some of them, then trace tile after tile."""
 
-    writer: _core.TransportWriter
+    writer: TransportWriter
     """Given once the receivers are found: a camera that sees nothing must leave nothing on the disk."""
 
     def __init__(self, scene: Scene, columns: Columns, settings: Quality, tell: Progress) -> None:
         self.scene, self.columns, self.settings, self.tell = scene, columns, settings, tell
         camera = scene.camera
         right, up, forward = camera.basis()
-        core = _core.Scene(scene.vertices, scene.triangles, scene.material)
+        core = CoreScene(scene.vertices, scene.triangles, scene.material)
         self.rows = core.receivers(
             position=tuple(camera.position),
             right=tuple(right),
@@ -133,7 +134,7 @@ class _Run:
         self.count = len(self.rows)
         if self.count == 0:
             raise ValueError(f"the camera sees nothing of {scene.name}: no pixel shows a surface")
-        self.direct = _core.DirectPass(core, self.rows, columns=str(columns), edge_side=settings.edge_side)
+        self.direct = DirectPass(core, self.rows, columns=str(columns), edge_side=settings.edge_side)
 
     def trace(self) -> tuple[float, float]:
         """Writes every shard that is not there yet; returns the expected error and the threshold that gives it."""
@@ -148,25 +149,25 @@ class _Run:
             progress=lambda done: self.tell(done, total),
         )
         self.audit = (groups, tile)
-        tiles = -(-self.count // _TILE_ROWS)
+        tiles = -(-self.count // TILE_ROWS)
         per_shard = self.writer.TILES_PER_SHARD
         finished = set(self.writer.finished())
         for shard in range(-(-tiles // per_shard)):
             numbers = range(shard * per_shard, min((shard + 1) * per_shard, tiles))
             if shard not in finished:
                 self.writer.write_shard(shard, [self._tile(tile, threshold, looked, total) for tile in numbers])
-            self.tell(looked + min(numbers.stop * _TILE_ROWS, self.count), total)
+            self.tell(looked + min(numbers.stop * TILE_ROWS, self.count), total)
         return error, threshold
 
-    def _tile(self, tile: int, threshold: float, looked: int, total: int) -> _core.TileData:
-        first = tile * _TILE_ROWS
+    def _tile(self, tile: int, threshold: float, looked: int, total: int) -> TileData:
+        first = tile * TILE_ROWS
 
         def tell(done: int) -> None:
             self.tell(looked + first + done, total)
 
         data, _, _ = self.direct.tile(
             first,
-            min(_TILE_ROWS, self.count - first),
+            min(TILE_ROWS, self.count - first),
             threshold=threshold,
             quantum=_QUANTUM,
             width=self.settings.width,
@@ -190,7 +191,7 @@ class _Run:
             rows=self.count,
             quantum=_QUANTUM,
             width=self.settings.width,
-            tile_rows=_TILE_ROWS,
+            tile_rows=TILE_ROWS,
             image=(camera.height, camera.width),
             camera=json.dumps(asdict(camera)),
             plan=done.to_json(),

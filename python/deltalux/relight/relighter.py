@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .. import _core
+from .._core import Updater
 from ..light.environment import Environment
 from ..transport.transport import Transport
 from ..update.methods import Method
@@ -104,7 +104,7 @@ class Relighter:
             # The core sets it anew in every frame.
             milliseconds_cost=0.0 if timed else None,
         )
-        self._core = _core.Updater(core, chosen, initial == "full")
+        self._core = Updater(core, chosen, initial == "full")
 
     def step(self, light: Environment | ArrayLike) -> Frame:
         """One frame towards a light.

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import _core
+from .._core import set_threads
+from .._core import threads as used_threads
 from ..light.environment import Environment
 from ..light.motion import Motion
 from ..progress import Progress
@@ -148,8 +149,8 @@ def time_frames(
     Nothing is measured but time. Methods take turns frame by frame, so that what disturbs one disturbs all, and every
     frame finds the caches cold.
     """
-    before = _core.threads()
-    _core.set_threads(threads)
+    before = used_threads()
+    set_threads(threads)
     try:
         relighters = {row.name: Relighter(transport, row.method, row.initial) for row in rows}
         seconds = {row.name: np.zeros((len(motion.angles), 3)) for row in rows}
@@ -161,7 +162,7 @@ def time_frames(
                 seconds[row.name][k] = frame.seconds, frame.choosing, frame.multiplying
         progress(len(motion.angles), len(motion.angles))
     finally:
-        _core.set_threads(before)
+        set_threads(before)
     return seconds, relighters
 
 
@@ -189,7 +190,7 @@ def hold_still(
     jumped = relighter.step(env.rotated(final + 90.0, motion.axis))
     return Still(
         method=row.name,
-        threads=_core.threads(),
+        threads=used_threads(),
         frames=min([frames, *held]),
         most_frames=most,
         exact=exact,

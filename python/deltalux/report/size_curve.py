@@ -14,14 +14,12 @@ from numpy.typing import NDArray
 
 from ..light.environment import Environment
 from ..light.motion import Motion
+from ..transport.entry import ENTRY_BYTES
 from ..transport.transport import Transport
 
 __all__ = ["Point", "size_curve"]
 
 _TOLERANCES = (0.2, 0.1, 0.06, 0.04, 0.03, 0.02, 0.015, 0.01, 0.007, 0.005, 0.003, 0.002, 0.001)
-_GROUP = 16
-# A group of 16 rows: its number and its values.
-_ENTRY_BYTES = {"i8": 18, "i16": 34}
 _SUNS = 32
 
 
@@ -40,14 +38,13 @@ class Point:
 
 def size_curve(transport: Transport, envs: Sequence[Environment], motion: Motion) -> list[Point]:
     """The curve, smallest first, and last this transport as it is; nothing where the file has no audit."""
-    found = transport._core.audit()
+    found = transport.audit
     if found is None:
         return []
-    groups, audit = found
+    rows, audit = found
     # Groups at the end of M may be shorter than 16: rows past the end stay out of the comparison.
-    rows = (groups.astype(np.int64)[:, None] * _GROUP + np.arange(_GROUP)).ravel()
     real = rows < transport.shape[0]
-    weight = np.sqrt(transport._core.weight[rows[real], None]) * transport.albedo[rows[real]]
+    weight = np.sqrt(transport.weight[rows[real], None]) * transport.albedo[rows[real]]
     lights = {env.name: _turning(transport, env, motion) for env in envs}
     suns = _suns(transport)
 
@@ -59,14 +56,13 @@ def size_curve(transport: Transport, envs: Sequence[Environment], motion: Motion
         return of, float(np.mean(sun)), float(np.max(sun))
 
     # Entries grow with the rows; what lists them and the norms of the rows are as large for every truncation.
-    share, own_entry = transport.shape[0] / len(rows), _ENTRY_BYTES[transport._core.width]
-    fixed = transport.nbytes - own_entry * transport._core.entries
+    share, own_entry = transport.shape[0] / len(rows), ENTRY_BYTES[transport.width]
+    fixed = transport.nbytes - own_entry * transport.entries
     points: list[Point] = []
-    lossless = ("lossless", 0.0, audit.threshold_for(0.0)[0], "i16")
-    cuts = [(f"{100 * t:g} %", t, audit.threshold_for(t, width="i8")[0], "i8") for t in _TOLERANCES]
-    for label, tolerance, threshold, width in [*cuts, lossless]:
-        cut = audit.truncated(threshold, width=width)
-        megabytes = (fixed + _ENTRY_BYTES[width] * cut.entries * share) / 1e6
+    cuts = [(f"{100 * t:g} %", t, "i8") for t in _TOLERANCES]
+    for label, tolerance, width in [*cuts, ("lossless", 0.0, "i16")]:
+        cut = audit.coarsened(tolerance, width)
+        megabytes = (fixed + ENTRY_BYTES[width] * cut.entries * share) / 1e6
         # Eight bits reach no smaller error than their rounding: what is asked for beyond changes nothing.
         if not points or megabytes != points[-1].megabytes:
             points.append(

@@ -254,7 +254,7 @@ def _size(
     pixels = transport.camera.width * transport.camera.height
     formula = bands * pixels * 12 + columns * 12
     page.text(
-        f"M takes {transport.nbytes:,} bytes, its receivers {transport._core.receiver_nbytes:,}. A PBI follower holds "
+        f"M takes {transport.nbytes:,} bytes, its receivers {transport.receiver_nbytes:,}. A PBI follower holds "
         f"{state:,} bytes beyond M. The papers' recipe, one float image for every band and a copy of the light, takes "
         f"{formula:,} bytes for this picture ({_PAPER_BYTES:,} at 512 x 512 with six bands)."
     )

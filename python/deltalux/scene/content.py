@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,12 +11,12 @@ import numpy as np
 from ..camera import Camera
 
 MOST_TRIANGLES = 100_000_000
-# Surfaces of which the file does not say the colour are middle grey.
+# Surfaces of which the source does not say the colour are middle grey.
 DEFAULT_ALBEDO = (0.5, 0.5, 0.5)
 
 
 @dataclass(frozen=True)
-class Part:
+class Piece:
     """Some triangles of one material, in world space."""
 
     vertices: np.ndarray
@@ -28,10 +27,10 @@ class Part:
 
 @dataclass
 class Content:
-    """What a file holds, as it is read."""
+    """What a file or a built-in model holds: pieces, materials, perhaps a camera, and what was left out."""
 
-    folder: Path
-    parts: list[Part] = field(default_factory=list)
+    name: str
+    pieces: list[Piece] = field(default_factory=list)
     triangles: int = 0
     vertices: int = 0
     albedo: list[tuple[float, ...]] = field(default_factory=list)
@@ -46,13 +45,13 @@ class Content:
         self.textures.append(texture)
         return len(self.albedo) - 1
 
-    def add_part(self, part: Part) -> None:
-        """Append a part, as long as the whole stays of a size that can be traced."""
-        self.triangles += len(part.triangles)
-        self.vertices += len(part.vertices)
+    def add_piece(self, piece: Piece) -> None:
+        """Append a piece, as long as the whole stays of a size that can be traced."""
+        self.triangles += len(piece.triangles)
+        self.vertices += len(piece.vertices)
         if self.triangles > MOST_TRIANGLES or self.vertices > 3 * MOST_TRIANGLES:
             raise ValueError(f"more than {MOST_TRIANGLES} triangles, or {3 * MOST_TRIANGLES} vertices")
-        self.parts.append(part)
+        self.pieces.append(piece)
 
     def leave_out(self, what: str, why: str) -> None:
         """Count something that the scene leaves out, and say so once."""

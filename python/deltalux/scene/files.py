@@ -1,6 +1,6 @@
 """Scene files: .glb and .gltf by `gltf`; .obj, .ply and .stl by trimesh, imported here alone and only when needed.
 
-A file becomes a `Content`: parts in world space, materials, perhaps a camera. trimesh is told not to merge or drop
+A file becomes a `Content`: pieces in world space, materials, perhaps a camera. trimesh is told not to merge or drop
 vertices (`process=False`), so that what is wrong with a file is found by our own checks; its 8-bit copies of colours
 are not used. Whatever a broken file makes a parser raise comes out as a `FileError` that names the file.
 """
@@ -11,88 +11,57 @@ import io
 import os
 import re
 import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from .._core import FileError
-from ..camera import Camera
-from .content import DEFAULT_ALBEDO, Content, Part
-from .scene import Scene, assemble
+from .content import DEFAULT_ALBEDO, Content, Piece
+from .gltf import read as read_gltf
 from .texture import linear_texture
 
 
-def load(path: str | os.PathLike[str], camera: Camera | None = None) -> Scene:
-    """Read a scene file; see `Scene.load`."""
+def read(path: str | os.PathLike[str]) -> Content:
+    """What a scene file holds; see `Scene.load`."""
     path = Path(path)
     data = path.read_bytes()
-    readers = {".glb": _read_gltf, ".gltf": _read_gltf, ".obj": _read_obj, ".ply": _read_mesh, ".stl": _read_mesh}
-    reader = readers.get(path.suffix.lower())
-    if reader is None:
-        raise FileError(f"{path}: expected one of {', '.join(readers)}, got {path.suffix or 'no suffix'!r}")
-    content = Content(folder=path.parent.resolve())
+    kind = path.suffix.lower()
+    if kind not in _READERS:
+        raise FileError(f"{path}: expected one of {', '.join(_READERS)}, got {path.suffix or 'no suffix'!r}")
+    content = Content(path.stem)
+    with blaming(path):
+        _READERS[kind](content, path.parent.resolve(), data, kind[1:])
+        if not content.pieces:
+            raise ValueError("the file has no triangles")
+    return content
+
+
+@contextmanager
+def blaming(path: str | os.PathLike[str]) -> Iterator[None]:
+    """What goes wrong inside is the fault of this file: it becomes a `FileError` that names it."""
     try:
-        reader(content, data, path.suffix.lower()[1:])
-        return _scene(content, camera, path.stem)
-    except OSError:
+        yield
+    except (OSError, FileError):
         raise
     except Exception as error:
         # Parsers answer broken files with any exception (IndexError, KeyError, struct.error, RecursionError...).
         reason = str(error) if isinstance(error, ValueError) else f"broken file ({type(error).__name__}: {error})"
-        raise FileError(f"{path}: {reason}") from error
+        raise FileError(f"{os.fspath(path)}: {reason}") from error
 
 
-def _scene(content: Content, camera: Camera | None, name: str) -> Scene:
-    """Join the parts to one list of triangles."""
-    if not content.parts:
-        raise ValueError("the file has no triangles")
-    offsets = np.cumsum([0] + [len(part.vertices) for part in content.parts])
-    uv = np.concatenate([np.zeros((len(part.vertices), 2)) if part.uv is None else part.uv for part in content.parts])
-    content.counts["texture coordinates not finite"] = int(np.count_nonzero(~np.isfinite(uv)))
-    albedo = np.array(content.albedo)
-    content.counts["albedos clipped to [0, 1]"] = int(np.count_nonzero((albedo < 0.0) | (albedo > 1.0)))
-    sizes = [len(part.triangles) for part in content.parts]
-    corners = np.concatenate([_checked(part) + start for part, start in zip(content.parts, offsets, strict=False)])
-    return assemble(
-        np.concatenate([part.vertices for part in content.parts]),
-        corners,
-        np.repeat([part.material for part in content.parts], sizes),
-        albedo.clip(0.0, 1.0),
-        textures=content.textures,
-        uv=np.where(np.isfinite(uv), uv, 0.0),
-        camera=camera or content.camera,
-        name=name,
-        counts={what: count for what, count in content.counts.items() if count},
-        warnings=content.warnings,
-    )
-
-
-def _checked(part: Part) -> np.ndarray:
-    """The part's own corners, before an offset could hide that they are out of range."""
-    corners = np.asarray(part.triangles, dtype=np.int64)
-    bad = np.flatnonzero(((corners < 0) | (corners >= len(part.vertices))).any(axis=1))
-    if len(bad):
-        raise ValueError(f"corners must be in [0, {len(part.vertices)}), but a triangle has {corners[bad[0]].tolist()}")
-    return corners
-
-
-def _read_gltf(content: Content, data: bytes, kind: str) -> None:
-    from . import gltf
-
-    gltf.read(content, data, kind)
-
-
-def _read_obj(content: Content, data: bytes, kind: str) -> None:
+def _read_obj(content: Content, folder: Path, data: bytes, kind: str) -> None:
     """Wavefront OBJ: what trimesh does not tell is looked up in the text first."""
     declared: set[str] = set()
     for name in _values("mtllib", data):
-        library = (content.folder / name).resolve()
-        if library.is_relative_to(content.folder) and library.is_file():
+        library = (folder / name).resolve()
+        if library.is_relative_to(folder) and library.is_file():
             text = library.read_bytes()
             declared |= set(_values("newmtl", text))
             for picture in _values("map_Kd", text):
-                _check_picture(content, picture)
+                _check_picture(content, folder, picture)
         else:
             content.leave_out("missing material files", f"{name} is not beside the mesh")
     for name in sorted(set(_values("usemtl", data)) - declared):
@@ -102,7 +71,7 @@ def _read_obj(content: Content, data: bytes, kind: str) -> None:
     relative = re.search(rb"^f\s[^\n]*-", data, re.MULTILINE)
     if relative and re.search(rb"^v[tn]?\s", data[relative.end() :], re.MULTILINE):
         raise ValueError("relative (negative) indices before the last vertex are not supported")
-    _read_mesh(content, data, kind)
+    _read_mesh(content, folder, data, kind)
 
 
 def _values(keyword: str, text: bytes) -> list[str]:
@@ -111,22 +80,22 @@ def _values(keyword: str, text: bytes) -> list[str]:
     return [os.fsdecode(value) for value in found]
 
 
-def _check_picture(content: Content, name: str) -> None:
+def _check_picture(content: Content, folder: Path, name: str) -> None:
     """trimesh passes over pictures that it cannot read; say so."""
     from PIL import Image
 
     try:
-        with Image.open(content.folder / name):
+        with Image.open(folder / name):
             pass
     except OSError:
         content.leave_out("textures ignored", f"{name} cannot be read")
 
 
-def _read_mesh(content: Content, data: bytes, kind: str) -> None:
+def _read_mesh(content: Content, folder: Path, data: bytes, kind: str) -> None:
     """Any format through trimesh: per-geometry meshes, placed by the scene graph's transforms."""
     import trimesh
 
-    resolver = trimesh.resolvers.FilePathResolver(str(content.folder))
+    resolver = trimesh.resolvers.FilePathResolver(str(folder))
     with warnings.catch_warnings():
         # numpy only warns, for now, where text that should be numbers is not: without this it would be cut off there.
         warnings.filterwarnings("error", message="string or file could not be read")
@@ -149,8 +118,8 @@ def _read_mesh(content: Content, data: bytes, kind: str) -> None:
         if visual.kind in ("vertex", "face"):
             content.leave_out("meshes with vertex colours", "shown in grey")
         uv = getattr(visual, "uv", None)
-        content.add_part(
-            Part(
+        content.add_piece(
+            Piece(
                 vertices=np.asarray(mesh.vertices) @ transform[:3, :3].T + transform[:3, 3],
                 triangles=np.asarray(mesh.faces),
                 uv=None if uv is None or len(uv) != len(mesh.vertices) else np.asarray(uv, dtype=np.float64)[:, :2],
@@ -172,3 +141,13 @@ def _material(content: Content, material: Any) -> int:
             content.leave_out("textures ignored", str(error))
     albedo = stated.get("kd", DEFAULT_ALBEDO if texture is None else (1.0, 1.0, 1.0))
     return content.add_material(np.broadcast_to(albedo, 3), texture)
+
+
+_READERS: dict[str, Callable[[Content, Path, bytes, str], None]] = {
+    ".glb": read_gltf,
+    ".gltf": read_gltf,
+    ".obj": _read_obj,
+    ".ply": _read_mesh,
+    ".stl": _read_mesh,
+}
+"""By suffix: each fills the content from the bytes of a file, and looks for others in its folder only."""

@@ -20,7 +20,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from ..camera import LARGEST_PICTURE, Camera
-from .content import DEFAULT_ALBEDO, MOST_TRIANGLES, Content, Part
+from .content import DEFAULT_ALBEDO, MOST_TRIANGLES, Content, Piece
 from .texture import linear_texture
 
 COMPONENT = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
@@ -30,9 +30,9 @@ TRIANGLES, STRIP, FAN = 4, 5, 6
 UNDERSTOOD = ("KHR_materials_", "KHR_mesh_quantization", "KHR_lights_punctual", "KHR_texture_", "EXT_texture_")
 
 
-def read(content: Content, data: bytes, kind: str) -> None:
-    """Fill `content` from the bytes of a file of `kind` "gltf" or "glb"."""
-    _Reader(content, *_chunks(data, kind)).run()
+def read(content: Content, folder: Path, data: bytes, kind: str) -> None:
+    """Fill `content` from the bytes of a file of `kind` "gltf" or "glb", which may name others in its folder."""
+    _Reader(content, folder, *_chunks(data, kind)).run()
 
 
 def _chunks(data: bytes, kind: str) -> tuple[dict[str, Any], bytes | None]:
@@ -60,12 +60,12 @@ def _chunks(data: bytes, kind: str) -> tuple[dict[str, Any], bytes | None]:
 class _Reader:
     """One file, with what has been decoded of it so far."""
 
-    def __init__(self, content: Content, tree: dict[str, Any], binary: bytes | None) -> None:
-        self.content, self.tree, self.binary = content, tree, binary
+    def __init__(self, content: Content, folder: Path, tree: dict[str, Any], binary: bytes | None) -> None:
+        self.content, self.folder, self.tree, self.binary = content, folder, tree, binary
         self.buffers: dict[int, bytes] = {}
         self.pictures: dict[int, np.ndarray | None] = {}
         self.materials: dict[int | None, int] = {}
-        self.meshes: dict[int, list[Part]] = {}
+        self.meshes: dict[int, list[Piece]] = {}
 
     def run(self) -> None:
         """Walk the nodes of the default scene, placing meshes and the first camera."""
@@ -102,12 +102,12 @@ class _Reader:
         """Add an instance of a mesh; its accessors are decoded once."""
         if mesh not in self.meshes:
             primitives = _item(self.tree.get("meshes", []), mesh, "mesh").get("primitives", [])
-            self.meshes[mesh] = [part for part in map(self._primitive, primitives) if part is not None]
-        for part in self.meshes[mesh]:
-            points = part.vertices @ world[:3, :3].T + world[:3, 3]
-            self.content.add_part(Part(points, part.triangles, part.uv, part.material))
+            self.meshes[mesh] = [piece for piece in map(self._primitive, primitives) if piece is not None]
+        for piece in self.meshes[mesh]:
+            points = piece.vertices @ world[:3, :3].T + world[:3, 3]
+            self.content.add_piece(Piece(points, piece.triangles, piece.uv, piece.material))
 
-    def _primitive(self, primitive: dict[str, Any]) -> Part | None:
+    def _primitive(self, primitive: dict[str, Any]) -> Piece | None:
         """The triangles of a primitive, in the mesh's own space."""
         mode, attributes = primitive.get("mode", TRIANGLES), primitive.get("attributes", {})
         if mode not in (TRIANGLES, STRIP, FAN) or "POSITION" not in attributes:
@@ -131,7 +131,7 @@ class _Reader:
                 if len(uv) != len(points):
                     raise ValueError(f"{len(points)} vertices have {len(uv)} texture coordinates")
         triangles = _corners(order, mode)
-        return Part(points, triangles, uv, material) if len(triangles) else None
+        return Piece(points, triangles, uv, material) if len(triangles) else None
 
     def _material(self, index: int | None) -> int:
         """The material's place in the content, added when first met."""
@@ -273,8 +273,8 @@ class _Reader:
         return self._path(uri).read_bytes()
 
     def _path(self, uri: str) -> Path:
-        path = (self.content.folder / unquote(uri)).resolve()
-        if ":" in uri or not path.is_relative_to(self.content.folder):
+        path = (self.folder / unquote(uri)).resolve()
+        if ":" in uri or not path.is_relative_to(self.folder):
             raise ValueError(f"refused to read {uri!r}: it is outside the scene's folder")
         return path
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -19,6 +20,8 @@ import numpy.typing as npt
 
 from ..camera import Camera
 from ..checks import real_array
+from . import files
+from .builtin import catalogue
 from .checked import (
     check_corners,
     checked_albedo,
@@ -28,6 +31,7 @@ from .checked import (
     frozen,
     has_area,
 )
+from .content import Content, Piece
 from .texture import bilinear
 
 
@@ -84,16 +88,42 @@ class Scene:
         FileError
             A `ValueError`: the file is broken, of an unknown kind, or has no triangles.
         """
-        from . import files as scene_io
-
-        return scene_io.load(path, camera)
+        content = files.read(path)
+        with files.blaming(path):
+            return cls.from_content(content, camera)
 
     @classmethod
     def builtin(cls, name: str, camera: Camera | None = None) -> Scene:
         """One of the built-in scenes: "plant", "cornell", "still-life" or "street"; ValueError for another name."""
-        from .builtin import catalogue as scenes
+        return cls.from_content(catalogue.build(name), camera)
 
-        return scenes.build(name, camera)
+    @classmethod
+    def from_content(cls, content: Content, camera: Camera | None = None) -> Scene:
+        """What a source handed over, as one list of triangles, seen by its own camera unless one is given."""
+        pieces = content.pieces
+        offsets = np.cumsum([0] + [len(piece.vertices) for piece in pieces])
+        uv = np.concatenate([np.zeros((len(piece.vertices), 2)) if piece.uv is None else piece.uv for piece in pieces])
+        albedo = np.array(content.albedo)
+        mended = Counter(
+            {
+                "texture coordinates not finite": int(np.count_nonzero(~np.isfinite(uv))),
+                "albedos clipped to [0, 1]": int(np.count_nonzero((albedo < 0.0) | (albedo > 1.0))),
+            }
+        )
+        corners = [_own_corners(piece) + start for piece, start in zip(pieces, offsets, strict=False)]
+        return _assemble(
+            np.concatenate([piece.vertices for piece in pieces]),
+            np.concatenate(corners),
+            np.repeat([piece.material for piece in pieces], [len(own) for own in corners]),
+            albedo.clip(0.0, 1.0),
+            textures=content.textures,
+            uv=np.where(np.isfinite(uv), uv, 0.0),
+            camera=camera or content.camera,
+            name=content.name,
+            # A sum of counters leaves out what was not found.
+            counts=content.counts + mended,
+            warnings=content.warnings,
+        )
 
     @classmethod
     def from_arrays(
@@ -132,7 +162,7 @@ class Scene:
         first = first_equal_row(rows)
         distinct, of_row = np.unique(first, return_inverse=True)
         material = np.broadcast_to(of_row, len(corners))
-        return assemble(vertices, corners, material, rows[distinct], camera=camera, name=name)
+        return _assemble(vertices, corners, material, rows[distinct], camera=camera, name=name)
 
     def with_camera(self, camera: Camera) -> Scene:
         """The same scene seen by another camera; arrays are shared."""
@@ -175,7 +205,7 @@ class Scene:
         return albedo
 
 
-def assemble(
+def _assemble(
     vertices: npt.ArrayLike,
     triangles: npt.ArrayLike,
     material: npt.ArrayLike,
@@ -223,3 +253,13 @@ def assemble(
         counts=found,
         warnings=tuple(warnings),
     )
+
+
+def _own_corners(piece: Piece) -> np.ndarray:
+    """The piece's own corners, before an offset could hide that they are out of range."""
+    corners = np.asarray(piece.triangles, dtype=np.int64)
+    bad = np.flatnonzero(((corners < 0) | (corners >= len(piece.vertices))).any(axis=1))
+    if len(bad):
+        own = len(piece.vertices)
+        raise ValueError(f"corners must be in [0, {own}), but a triangle has {corners[bad[0]].tolist()}")
+    return corners

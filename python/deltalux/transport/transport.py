@@ -10,15 +10,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .. import _core
+from .._core import Transport as CoreTransport
 from ..camera import Camera
 from ..columns import Columns, parse
-from ..light.environment import Environment
+from .entry import ENTRY_BYTES, GROUP
 from .plan import Plan
 
 if TYPE_CHECKING:
     import scipy.sparse
     import scipy.sparse.linalg
+
+    from ..light.environment import Environment
 
 __all__ = ["Transport"]
 
@@ -32,7 +34,7 @@ class Transport:
     Made by `precompute` and opened by `Transport.open`. Nothing in it changes: any number of relighters share one.
     """
 
-    def __init__(self, core: _core.Transport) -> None:
+    def __init__(self, core: CoreTransport) -> None:
         self._core = core
 
     @staticmethod
@@ -46,7 +48,7 @@ class Transport:
         OSError
             If a file cannot be read.
         """
-        return Transport(_core.Transport.open(path))
+        return Transport(CoreTransport.open(path))
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -62,6 +64,26 @@ class Transport:
     def nbytes(self) -> int:
         """Bytes of M: its tiles, with the norms of their rows."""
         return self._core.nbytes
+
+    @property
+    def width(self) -> str:
+        """What its values are stored in: integers of 8 bits, "i8", or of 16, "i16"."""
+        return self._core.width
+
+    @property
+    def entries(self) -> int:
+        """Groups of 16 rows that are stored, in all columns together."""
+        return self._core.entries
+
+    @property
+    def receiver_nbytes(self) -> int:
+        """Bytes of the receivers, which turn rows into pictures."""
+        return self._core.receiver_nbytes
+
+    @property
+    def files(self) -> list[tuple[str, int]]:
+        """Names of the files in the directory, and their bytes."""
+        return self._core.files
 
     @cached_property
     def columns(self) -> Columns:
@@ -155,8 +177,7 @@ class Transport:
     @cached_property
     def column_bytes(self) -> NDArray[np.float64]:
         """The bytes of M that a frame streams for each column: (columns,)."""
-        entry = 18 if self._core.width == "i8" else 34
-        return self._core.column_entries().astype(np.float64) * entry
+        return self._core.column_entries().astype(np.float64) * ENTRY_BYTES[self.width]
 
     @cached_property
     def column_costs(self) -> NDArray[np.float64]:
@@ -171,6 +192,23 @@ class Transport:
     def albedo(self) -> NDArray[np.float32]:
         """Diffuse reflectance of every row, (rows, 3)."""
         return self._core.albedo
+
+    @cached_property
+    def weight(self) -> NDArray[np.float32]:
+        """The share of its pixel that every row stands for, (rows,)."""
+        return self._core.weight
+
+    @property
+    def audit(self) -> tuple[NDArray[np.int64], Transport] | None:
+        """Some rows as they were traced, untruncated: their numbers, and a transport of them; None if none were kept.
+
+        They come in whole groups: numbers at or beyond the rows of M are padding.
+        """
+        found = self._core.audit()
+        if found is None:
+            return None
+        groups, rows = found
+        return (groups.astype(np.int64)[:, None] * GROUP + np.arange(GROUP)).ravel(), Transport(rows)
 
     def to_scipy(self) -> scipy.sparse.csr_matrix:
         """A copy of M as a scipy CSR matrix of float32."""
@@ -210,6 +248,11 @@ class Transport:
         threshold, _, _ = self._core.threshold_for(tolerance)
         self._core.truncate_to(path, threshold, plan=self._core.plan)
         return Transport.open(path)
+
+    def coarsened(self, tolerance: float, width: str) -> Transport:
+        """The same with a larger stated error, in integers of this width ("i8", "i16"), in memory and without receivers."""
+        threshold, _, _ = self._core.threshold_for(tolerance, width=width)
+        return Transport(self._core.truncated(threshold, width=width))
 
     def __repr__(self) -> str:
         rows, columns = self.shape

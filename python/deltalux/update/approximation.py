@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .. import _core
+from .._core import Approximation as CoreApproximation
 from .methods import Method
 from .settings import settings
 
@@ -91,7 +91,7 @@ class Approximation:
         self.columns = columns
         self.method = method
         chosen = settings(method, areas, column_norms, column_bytes, band_norms)
-        self._core = _core.Approximation(starts, areas.tolist(), chosen)
+        self._core = CoreApproximation(starts, areas.tolist(), chosen)
         if initial is not None:
             self._core.set_values(_coefficients(initial, len(areas)))
 

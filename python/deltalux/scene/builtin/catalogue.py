@@ -4,23 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from ...camera import Camera
-from ..scene import Scene
+from ..content import Content
 from .cornell import cornell
 from .plant import plant
 from .still_life import still_life
 from .street import street
 
 
-def build(name: str, camera: Camera | None = None) -> Scene:
-    """The built-in scene of this name, seen by its own camera unless one is given."""
+def build(name: str) -> Content:
+    """The built-in scene of this name."""
     if name not in SCENES:
         raise ValueError(f"there is no built-in scene {name!r}; expected one of {', '.join(SCENES)}")
-    scene = SCENES[name]()
-    return scene if camera is None else scene.with_camera(camera)
+    return SCENES[name]()
 
 
-SCENES: dict[str, Callable[[], Scene]] = {
+SCENES: dict[str, Callable[[], Content]] = {
     "plant": plant,
     "cornell": cornell,
     "still-life": still_life,

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...camera import Camera
-from ..scene import Scene
+from ..content import Content
 from .shapes import Model, Shape, arch, join, leaves, moved, revolved, sphere, surface, tube, unit
 
 GROUND = (0.58, 0.54, 0.48)
@@ -26,8 +26,8 @@ POLLEN = (0.85, 0.60, 0.10)
 SOIL_HEIGHT = 0.98
 
 
-def plant() -> Scene:
-    """Build the scene; RandomState because numpy promises that its numbers never change."""
+def plant() -> Content:
+    """Build the model; RandomState because numpy promises that its numbers never change."""
     random = np.random.RandomState(20)
     model = Model("plant")
     model.add(GROUND, revolved([(0.0, 0.0), (3.0, 0.0), (12.0, 0.0), (48.0, 0.0)], 64))
@@ -36,7 +36,7 @@ def plant() -> Scene:
     _grass(model, random)
     _broad_leaves(model, random)
     _flowers(model, random)
-    return model.scene(Camera((2.7, 2.9, 5.6), (0.05, 1.36, 0.0), vertical_fov=36.0))
+    return model.content(Camera((2.7, 2.9, 5.6), (0.05, 1.36, 0.0), vertical_fov=36.0))
 
 
 def _pot(model: Model, random: np.random.RandomState) -> None:

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...camera import Camera
-from ..scene import Scene, assemble
+from ..content import Content, Piece
 
 Shape = tuple[np.ndarray, np.ndarray]
 Colour = tuple[float, float, float]
@@ -37,13 +37,15 @@ class Model:
         self._shapes += shapes
         self._material += [self._albedo.index(colour)] * len(shapes)
 
-    def scene(self, camera: Camera) -> Scene:
-        """The finished scene."""
-        vertices, triangles = join(*self._shapes)
-        vertices = np.round(vertices / GRID) * GRID
-        material = np.repeat(self._material, [len(shape[1]) for shape in self._shapes])
-        solid = _distinct_corners(vertices, triangles)
-        return assemble(vertices, triangles[solid], material[solid], self._albedo, camera=camera, name=self.name)
+    def content(self, camera: Camera) -> Content:
+        """The finished model, one piece a shape, seen by its own camera."""
+        content = Content(self.name, camera=camera)
+        for colour in self._albedo:
+            content.add_material(colour)
+        for (vertices, triangles), material in zip(self._shapes, self._material, strict=True):
+            points = np.round(vertices / GRID) * GRID
+            content.add_piece(Piece(points, triangles[_distinct_corners(points, triangles)], None, material))
+        return content
 
 
 def join(*shapes: Shape) -> Shape:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from ...camera import Camera
-from ..scene import Scene
+from ..content import Content
 from .shapes import Model, Shape, box, join, moved, revolved, sphere, surface, tube, unit
 
 
-def still_life() -> Scene:
+def still_life() -> Content:
     """A round table with a vase and twigs, a cup, books, fruit and a torus knot."""
     model = Model("still-life")
     wood, cloth = (0.36, 0.20, 0.10), (0.72, 0.68, 0.60)
@@ -21,7 +21,7 @@ def still_life() -> Scene:
     _books(model)
     _fruit(model)
     model.add((0.10, 0.30, 0.42), _torus_knot((0.95, 0.66, 0.75), 0.42, 0.115))
-    return model.scene(Camera((0.8, 2.9, 7.0), (-0.12, 0.66, 0.0), vertical_fov=35.0))
+    return model.content(Camera((0.8, 2.9, 7.0), (-0.12, 0.66, 0.0), vertical_fov=35.0))
 
 
 def _cloth() -> Shape:

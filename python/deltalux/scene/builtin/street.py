@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...camera import Camera
-from ..scene import Scene
+from ..content import Content
 from .shapes import Colour, Model, Shape, box, join, leaves, moved, quad, revolved, sphere, tube, unit
 
 ROAD = (0.16, 0.16, 0.17)
@@ -31,8 +31,8 @@ KERB, FRONT, NEAR, FAR = 1.8, 3.0, 6.0, -26.0
 STOREY, BAY = 1.55, 1.15
 
 
-def street() -> Scene:
-    """Build the scene."""
+def street() -> Content:
+    """Build the model."""
     random = np.random.RandomState(11)
     model = Model("street")
     model.add(ROAD, quad((-KERB, 0.0, FAR), (2 * KERB, 0.0, 0.0), (0.0, 0.0, NEAR - FAR)))
@@ -47,7 +47,7 @@ def street() -> Scene:
             model.add(LAMP, sphere((side * 1.35, 2.86, z), 0.13, 20))
         for z in np.arange(-18.5, 4.0, 6.5):
             _tree(model, (side * 2.25, 0.09, z), random)
-    return model.scene(Camera((-0.9, 0.95, 5.2), (0.35, 1.85, -8.0), vertical_fov=52.0))
+    return model.content(Camera((-0.9, 0.95, 5.2), (0.35, 1.85, -8.0), vertical_fov=52.0))
 
 
 def _row(model: Model, side: float, random: np.random.RandomState) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ... import _core
+from ..._core import haar_inverse
 from ...io import auto_exposure, magnification, to_display
 from ...light.motion import Motion
 from ...pages.plotting import FAMILIES, logarithmic
@@ -84,7 +84,7 @@ def _moments(motion: Motion) -> dict[int, str]:
 
 
 def _cubemap(case: Case, values: Light) -> NDArray[np.float32]:
-    return np.asarray(cross(_core.haar_inverse(case.columns.size, values).astype(np.float32), 0.0))
+    return np.asarray(cross(haar_inverse(case.columns.size, values).astype(np.float32), 0.0))
 
 
 _DETAILS = (

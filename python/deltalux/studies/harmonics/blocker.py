@@ -25,9 +25,11 @@ from ...light.environment import Environment
 from ...light.sequences import disc, texel_directions
 from ...pages.plotting import percent
 from ...pages.verdict import Verdict
+from ...precomputation.run import precompute
 from ...progress import Progress
 from ...relight.comparison import relative_errors
 from ...scene.builtin.shapes import Model, box, quad
+from ...scene.scene import Scene
 from ...transport.transport import Transport
 from ..case import Case
 from ..shape import Study
@@ -89,8 +91,6 @@ def _name(size: float) -> str:
 @contextmanager
 def _traced(progress: Progress) -> Iterator[tuple[Transport, Transport]]:
     """The transport in Haar columns and in harmonics, for as long as it is looked at."""
-    from ...precomputation.run import precompute
-
     # The exact picture of a light of one texel shows every wavelet that is left out as a speckle in its shadow.
     options: dict[str, Any] = {"quality": "lossless", "tolerance": 0.001}
     with TemporaryDirectory(prefix="deltalux-", ignore_cleanup_errors=True) as folder:
@@ -105,13 +105,14 @@ def _traced(progress: Progress) -> Iterator[tuple[Transport, Transport]]:
         )
 
 
-def _scene() -> Any:
+def _scene() -> Scene:
     """A wide ground, and a blocker that stands on it."""
     model = Model("blocker")
     model.add((0.75, 0.73, 0.70), quad((-20, 0, -20), (40, 0, 0), (0, 0, 40)))
     model.add((0.45, 0.16, 0.10), box((-0.4, 0.0, -0.04), (0.4, 1.2, 0.04)))
     width, height = _PICTURE
-    return model.scene(Camera((0.7, 2.5, 3.4), (0.38, 0.5, 0.3), vertical_fov=33.0, width=width, height=height))
+    camera = Camera((0.7, 2.5, 3.4), (0.38, 0.5, 0.3), vertical_fov=33.0, width=width, height=height)
+    return Scene.from_content(model.content(camera))
 
 
 def _disc_light(size: float) -> Environment:

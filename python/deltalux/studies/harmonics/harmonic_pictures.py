@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ... import _core
+from ..._core import haar_inverse
 from ...columns import Haar
 from ...io import auto_exposure, magnification, to_display
 from ...light.motion import Motion
@@ -76,7 +76,7 @@ def _applied(transport: Transport, view: HarmonicView, V: Light) -> list[NDArray
         chosen = Approximation(transport.columns, Nonlinear(terms))
         chosen.step(V)
         found.append(chosen.values)
-    return [_core.haar_inverse(transport.columns.size, values) for values in (*found, V)]
+    return [haar_inverse(transport.columns.size, values) for values in (*found, V)]
 
 
 def moments_strip(sheet: Sheet, pictures: Pictures, tracks: Mapping[str, Track], moments: Mapping[int, str]) -> None:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ... import _core
+from ..._core import haar_coefficients
 from ...columns import Haar, SphericalHarmonics
 from ...light.layouts import face_points
 from ...transport.transport import Transport
@@ -71,7 +71,7 @@ def harmonics_in_haar(columns: Haar, order: int) -> NDArray[np.float64]:
         three = averages[..., k : k + 3]
         cubemap = np.zeros((*three.shape[:3], 3), np.float32)
         cubemap[..., : three.shape[3]] = three
-        S[:, k : k + 3] = _core.haar_coefficients(columns.size, cubemap)[:, : three.shape[3]]
+        S[:, k : k + 3] = haar_coefficients(columns.size, cubemap)[:, : three.shape[3]]
     return S
 
 
