@@ -6,7 +6,7 @@ import pytest
 import scipy.special
 from deltalux import Environment, SphericalHarmonics
 from deltalux.columns import parse
-from deltalux.light.sequences import texel_directions
+from deltalux.light.layouts import face_directions
 from deltalux.rotation import rotation_matrix
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -40,7 +40,7 @@ def smooth_light(order, seed):
 
 def cubemap(V):
     """The light of coefficients, six faces of 64 x 64: nearly its average over each texel, from four points."""
-    fine = SphericalHarmonics(int(np.sqrt(len(V)))).evaluate(texel_directions()) @ V
+    fine = SphericalHarmonics(int(np.sqrt(len(V)))).evaluate(face_directions(128)) @ V
     return fine.reshape(6, 64, 2, 64, 2, 3).mean(axis=(2, 4))
 
 

@@ -27,6 +27,7 @@ _Layer = tuple[float, EnvironmentMap, Matrix]
 """A map, its weight in the sum, and how it is turned."""
 
 _LARGEST_HALF = 65504.0
+# The core's own limit, which it keeps as well.
 _LARGEST_FACE = 2048
 
 

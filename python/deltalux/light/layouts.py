@@ -35,6 +35,12 @@ def face_points(n: int) -> NDArray[np.float64]:
     return out + along[None, None, :, None] * right + along[None, :, None, None] * down
 
 
+def face_directions(n: int) -> NDArray[np.float64]:
+    """Unit directions of the centres of n x n texels a face: (6, n, n, 3)."""
+    points = face_points(n)
+    return np.asarray(points / np.linalg.norm(points, axis=-1, keepdims=True))
+
+
 # (right, down) of the same faces as an eye at the origin sees them.
 _EYE = np.array(
     [
@@ -150,15 +156,3 @@ def _bilinear(image: Image, row: NDArray[np.float64], column: NDArray[np.float64
     columns = [np.clip(left + k, 0, width - 1) for k in (0, 1)]
     lines = [image[r, columns[0]] * (1 - u) + image[r, columns[1]] * u for r in rows]
     return np.asarray(lines[0] * (1 - v) + lines[1] * v, np.float32)
-
-
-def face_directions(size: int) -> NDArray[np.float64]:
-    """Unit directions of the texels of a cubemap, (6, size, size, 3)."""
-    centres = (2 * np.arange(size) + 1 - size) / size
-    right, down, out = _OPENGL[:, 0], _OPENGL[:, 1], _OPENGL[:, 2]
-    points = (
-        centres[None, None, :, None] * right[:, None, None, :]
-        + centres[None, :, None, None] * down[:, None, None, :]
-        + out[:, None, None, :]
-    )
-    return np.asarray(points / np.linalg.norm(points, axis=-1, keepdims=True))

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..checks import count
 from . import skies
 from .environment import Environment
-from .layouts import face_points
+from .layouts import face_directions
 from .motion import Motion, ease
 
 __all__ = ["SEQUENCES", "area_light", "ease", "interpolation", "make", "painting", "rotation", "sunrise"]
@@ -185,7 +185,7 @@ def _dabs(lines: list[NDArray[np.float64]], step: float) -> NDArray[np.float64]:
 def disc(place: Place, radius: float) -> NDArray[np.float32]:
     """The share of each texel that a disc covers, its edge a texel wide: (6, n, n)."""
     centre = skies.toward(*np.radians(place)).astype(np.float32)
-    cosine = texel_directions() @ centre
+    cosine = _centres() @ centre
     width = np.pi / 2 / _FACE
     near = cosine > np.cos(min(np.radians(radius) + width, np.pi))
     away = np.arccos(np.minimum(cosine[near], 1))
@@ -195,10 +195,9 @@ def disc(place: Place, radius: float) -> NDArray[np.float32]:
 
 
 @cache
-def texel_directions() -> NDArray[np.float32]:
-    """Unit directions of the texels' centres, (6, n, n, 3), in OpenGL's orientation."""
-    directions = face_points(_FACE)
-    return np.asarray(directions / np.linalg.norm(directions, axis=-1, keepdims=True), np.float32)
+def _centres() -> NDArray[np.float32]:
+    """Directions of the texels of the maps that lights are drawn on; every dab of paint asks for them."""
+    return face_directions(_FACE).astype(np.float32)
 
 
 def _with(env: Environment, cubemap: NDArray[np.float32]) -> Environment:

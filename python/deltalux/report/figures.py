@@ -10,19 +10,19 @@ import numpy as np
 from ..columns import Columns
 from ..light.motion import Motion
 from ..pages.plotting import FAMILIES, MARKERS, across, draw_resets, drawing, mark_stop, percent
-from ..relight.entrants import Entrant
+from ..relight.entrants import BI_30, EXACT, NWA_30, NWA_100, NWA_500, PBI_30, PBI_100, Entrant
 from .replay import Replay
 from .size_curve import Point
 
 __all__ = ["bytes_figure", "frames_figure", "resets_figure", "terms_figure", "time_figure"]
 
 _LINES = {
-    "NWA-30": (":", 1.4),
-    "NWA-100": ("--", 1.4),
-    "NWA-500": ("-", 1.4),
-    "BI-30": ("-", 1.6),
-    "PBI-30": ("-", 2.4),
-    "PBI-100": ("--", 1.6),
+    NWA_30.name: (":", 1.4),
+    NWA_100.name: ("--", 1.4),
+    NWA_500.name: ("-", 1.4),
+    BI_30.name: ("-", 1.6),
+    PBI_30.name: ("-", 2.4),
+    PBI_100.name: ("--", 1.6),
 }
 
 
@@ -59,7 +59,7 @@ def time_figure(path: Path, result: Replay, motion: Motion, rows: Sequence[Entra
     panels = ((turning, "while rotating (mean)"), (slice(last, last + 1), f"{motion.hold} frames after the stop"))
     with drawing(path, 1, 2, (10.5, 4.9), sharex=True, sharey=True) as (figure, both):
         for axes, (frames, title) in zip(both, panels, strict=True):
-            for family in dict.fromkeys(row.family for row in rows if row.family != "exact"):
+            for family in dict.fromkeys(row.family for row in rows if row.family != EXACT.name):
                 points = []
                 for row in (row for row in rows if row.family == family):
                     p50, p95 = 1e3 * np.percentile(seconds[row.name][turning, 0], (50, 95))
@@ -82,7 +82,7 @@ def time_figure(path: Path, result: Replay, motion: Motion, rows: Sequence[Entra
                         color=colour,
                         ha="center",
                     )
-            exact = 1e3 * np.median(seconds["exact"][turning, 0])
+            exact = 1e3 * np.median(seconds[EXACT.name][turning, 0])
             axes.axvline(exact, color="#000000", linestyle=":", linewidth=1.2, label="exact product (no error)")
             axes.set(xscale="log", yscale="log", title=title)
             plural = "s" if threads > 1 else ""

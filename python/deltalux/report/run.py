@@ -17,9 +17,8 @@ from ..light.motion import Motion, ease
 from ..output import check_folder, claim, slug
 from ..pages.machine import require_release
 from ..progress import Progress, reporter
-from ..relight.entrants import Entrant
+from ..relight.entrants import BI_30, EXACT, NWA_30, NWA_100, PBI_30, Entrant, nwa, pbi
 from ..transport.transport import Transport
-from ..update.methods import Full, Incremental, Nonlinear, PerBand
 from .gallery import Gallery
 from .replay import Replay, hold_still, replay, time_frames
 from .size_curve import size_curve
@@ -28,23 +27,20 @@ from .writer import write
 __all__ = ["METHODS", "check_report", "ease", "report"]
 
 _BUDGETS = (10, 30, 100, 300, 500)
+_BY_TRANSPORT = "by transport"
 
 METHODS: tuple[Entrant, ...] = (
-    Entrant("exact", "exact", Full()),
-    # NWA keeps nothing from frame to frame: it starts as it goes on. Those that follow start from the exact product.
-    *(Entrant(f"NWA-{terms}", "NWA", Nonlinear(terms), initial=None) for terms in sorted((*_BUDGETS, 60))),
-    Entrant("BI-30", "BI", Incremental(30)),
-    *(Entrant(f"PBI-{terms}", "PBI", PerBand(terms)) for terms in _BUDGETS),
-    *(
-        Entrant(f"PBI-{terms} by transport", "PBI by transport", PerBand(terms, weight="transport"))
-        for terms in (30, 100)
-    ),
+    EXACT,
+    *(nwa(terms) for terms in sorted((*_BUDGETS, 60))),
+    BI_30,
+    *(pbi(terms) for terms in _BUDGETS),
+    *(pbi(terms, _BY_TRANSPORT, family=f"PBI {_BY_TRANSPORT}", weight="transport") for terms in (30, 100)),
 )
 """What is compared; the first row is the reference."""
 
-STRIP = ("exact", "NWA-30", "NWA-100", "BI-30", "PBI-30")
-MOVING = ("exact", "NWA-30", "BI-30", "PBI-30")
-SAVED = ("exact", "PBI-30")
+STRIP = (EXACT.name, NWA_30.name, NWA_100.name, BI_30.name, PBI_30.name)
+MOVING = (EXACT.name, NWA_30.name, BI_30.name, PBI_30.name)
+SAVED = (EXACT.name, PBI_30.name)
 THREADS = (1, 2)
 
 
@@ -162,6 +158,5 @@ def _measure(
         result.seconds[threads], followers = time_frames(
             transport, env, motion, METHODS, threads=threads, progress=tell
         )
-    row = next(row for row in METHODS if row.name == "PBI-30")
-    result.still = hold_still(transport, env, motion, row, followers[row.name], result.records[row.name])
+    result.still = hold_still(transport, env, motion, PBI_30, followers[PBI_30.name], result.records[PBI_30.name])
     return result, gallery

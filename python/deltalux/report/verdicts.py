@@ -8,6 +8,7 @@ import numpy as np
 
 from ..light.motion import Motion
 from ..pages.verdict import Verdict
+from ..relight.entrants import BI_30, EXACT, NWA_30, NWA_60, NWA_100, NWA_500, PBI_30
 from .replay import Replay
 
 __all__ = ["Verdict", "verdicts"]
@@ -48,52 +49,52 @@ def resets(result: Replay, method: str, frames: slice) -> list[int]:
 
 def _as_nwa_100(result: Replay, motion: Motion) -> Verdict:
     frames = _turning(motion)
-    pbi, nwa, nwa60 = (_light(result, name, frames) for name in ("PBI-30", "NWA-100", "NWA-60"))
+    pbi, nwa, nwa60 = (_light(result, name, frames) for name in (PBI_30.name, NWA_100.name, NWA_60.name))
     return Verdict(
-        "While the light turns, PBI-30 is on average no worse than NWA-100 (area-weighted L1 error of the light).",
+        f"While the light turns, {PBI_30} is on average no worse than {NWA_100} (area-weighted L1 error of the light).",
         pbi <= nwa,
-        f"PBI-30 {pbi:.3g} %, NWA-100 {nwa:.3g} %, NWA-60 {nwa60:.3g} %",
+        f"{PBI_30} {pbi:.3g} %, {NWA_100} {nwa:.3g} %, {NWA_60} {nwa60:.3g} %",
     )
 
 
 def _better_than_bi(result: Replay, motion: Motion) -> Verdict:
     frames = _turning(motion)
-    pbi, bi = _light(result, "PBI-30", frames), _light(result, "BI-30", frames)
-    image = [100 * float(result.column(name, "image_l2")[frames].mean()) for name in ("PBI-30", "BI-30")]
+    pbi, bi = _light(result, PBI_30.name, frames), _light(result, BI_30.name, frames)
+    image = [100 * float(result.column(name, "image_l2")[frames].mean()) for name in (PBI_30.name, BI_30.name)]
     return Verdict(
-        "PBI-30 is on average better than BI-30.",
+        f"{PBI_30} is on average better than {BI_30}.",
         pbi <= bi,
-        f"light: PBI-30 {pbi:.3g} %, BI-30 {bi:.3g} %; image (L2): {image[0]:.3g} % and {image[1]:.3g} %",
+        f"light: {PBI_30} {pbi:.3g} %, {BI_30} {bi:.3g} %; image (L2): {image[0]:.3g} % and {image[1]:.3g} %",
     )
 
 
 def _below_nwa_500(result: Replay, motion: Motion) -> Verdict:
     after = slice(motion.stop, motion.stop + 26)
-    pbi, nwa = (result.column(name, "light_l1")[after] for name in ("PBI-30", "NWA-500"))
+    pbi, nwa = (result.column(name, "light_l1")[after] for name in (PBI_30.name, NWA_500.name))
     below = np.flatnonzero(pbi <= nwa)
     when = f"after {below[0]} frames" if below.size else f"not within {len(pbi) - 1} frames"
     return Verdict(
-        "Within 25 frames of the stop, PBI-30 is below NWA-500.",
+        f"Within 25 frames of the stop, {PBI_30} is below {NWA_500}.",
         bool(below.size),
-        f"{when}; at the end of the hold PBI-30 {100 * pbi[-1]:.3g} %, NWA-500 {100 * nwa[-1]:.3g} %",
+        f"{when}; at the end of the hold {PBI_30} {100 * pbi[-1]:.3g} %, {NWA_500} {100 * nwa[-1]:.3g} %",
     )
 
 
 def _coarse_bands_stay(result: Replay, motion: Motion) -> Verdict:
-    count = resets(result, "PBI-30", slice(1, None))
+    count = resets(result, PBI_30.name, slice(1, None))
     return Verdict(
-        "The two coarsest bands of PBI-30 never start anew; finer bands do so more often.",
+        f"The two coarsest bands of {PBI_30} never start anew; finer bands do so more often.",
         not any(count[:2]),
         f"resets per band, coarse to fine: {', '.join(map(str, count))}",
     )
 
 
 def _coarse_terms(result: Replay, motion: Motion) -> Verdict:
-    nwa, pbi = result.terms["NWA-30"], result.terms["PBI-30"]
+    nwa, pbi = result.terms[NWA_30.name], result.terms[PBI_30.name]
     return Verdict(
-        "NWA-30 sends next to nothing (1 % of its terms) beyond the three coarsest bands.",
+        f"{NWA_30} sends next to nothing (1 % of its terms) beyond the three coarsest bands.",
         bool(nwa[_COARSE_BANDS:].sum() <= 0.01 * nwa.sum()),
-        f"terms a frame per band: NWA-30 {_list(nwa)}; PBI-30 {_list(pbi)}",
+        f"terms a frame per band: {NWA_30} {_list(nwa)}; {PBI_30} {_list(pbi)}",
     )
 
 
@@ -108,7 +109,7 @@ def _still_light(result: Replay, motion: Motion) -> Verdict:
 
 
 def _follower(result: Replay, motion: Motion) -> Verdict:
-    worst = max(record.image_worst for record in result.records["exact"])
+    worst = max(record.image_worst for record in result.records[EXACT.name])
     return Verdict(
         "A product that is only ever updated (the exact method) equals a fresh product in every frame: no drift.",
         worst == 0.0,

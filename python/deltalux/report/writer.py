@@ -14,7 +14,7 @@ from ..light.motion import Motion
 from ..output import write_csv
 from ..pages.machine import machine
 from ..pages.page import Page, figure, table
-from ..relight.entrants import Entrant
+from ..relight.entrants import BI_30, NWA_30, PBI_30, Entrant
 from ..transport.transport import Transport
 from .figures import bytes_figure, frames_figure, resets_figure, terms_figure, time_figure
 from .replay import Replay
@@ -45,8 +45,8 @@ def write(
     for slug, result, _, _ in chapters:
         frames_figure(path / f"{slug}-error-against-frame.png", result, motion)
         time_figure(path / f"{slug}-error-against-time.png", result, motion, rows, 1)
-        resets_figure(path / f"{slug}-resets.png", result, motion, transport.columns, "PBI-30")
-        terms_figure(path / f"{slug}-terms.png", result, transport.columns, ("NWA-30", "BI-30", "PBI-30"))
+        resets_figure(path / f"{slug}-resets.png", result, motion, transport.columns, PBI_30.name)
+        terms_figure(path / f"{slug}-terms.png", result, transport.columns, (NWA_30.name, BI_30.name, PBI_30.name))
     if points:
         bytes_figure(path / "error-against-bytes.png", points)
         write_csv(path / "bytes.csv", [_point(point) for point in points])
@@ -138,7 +138,7 @@ def _chapter(page: Page, chapter: Chapter, summary: list[dict[str, Any]], motion
             f"{slug}-animation.webp",
             "The exact product beside three methods with 30 terms a frame. NWA starts anew in every frame, BI only "
             "adds changes, PBI decides for every band of wavelets.",
-            f"Animation of the exact product, NWA-30, BI-30 and PBI-30 under {name}",
+            f"Animation of the exact product, {NWA_30}, {BI_30} and {PBI_30} under {name}",
         )
     )
     page.heading("What the papers claim, and what was found", 3)
@@ -250,7 +250,7 @@ def _size(
     page.heading("Bytes", anchor="bytes")
     rows, columns = transport.shape
     bands = int(transport.columns.bands[-1]) + 1
-    state = chapters[0][1].relighter_bytes["PBI-30"]
+    state = chapters[0][1].relighter_bytes[PBI_30.name]
     pixels = transport.camera.width * transport.camera.height
     formula = bands * pixels * 12 + columns * 12
     page.text(

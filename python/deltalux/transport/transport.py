@@ -250,7 +250,7 @@ class Transport:
         return Transport.open(path)
 
     def coarsened(self, tolerance: float, width: str) -> Transport:
-        """The same with a larger stated error, in integers of this width ("i8", "i16"), in memory and without receivers."""
+        """The same with a larger stated error, in integers of this width ("i8" or "i16"); in memory, no receivers."""
         threshold, _, _ = self._core.threshold_for(tolerance, width=width)
         return Transport(self._core.truncated(threshold, width=width))
 

@@ -13,8 +13,7 @@ from ...light.motion import Motion
 from ...pages.plotting import FAMILIES
 from ...pages.verdict import Verdict
 from ...progress import Progress
-from ...relight.entrants import Entrant
-from ...update.methods import Incremental, Nonlinear, PerBand
+from ...relight.entrants import BI_30, NWA_30, PBI_30, nwa
 from ..case import Case, follow, lights
 from ..pictures import cross
 from ..shape import Study
@@ -22,15 +21,9 @@ from ..sheet import Sheet
 
 __all__ = ["STUDY", "covered_levels"]
 
-_ROWS = (
-    Entrant("NWA-30", "NWA", Nonlinear(30), initial=None),
-    Entrant("BI-30", "BI", Incremental(30)),
-    Entrant("PBI-30", "PBI", PerBand(30)),
-)
+_ROWS = (NWA_30, BI_30, PBI_30)
 # The histogram under other weights (METHODS, X1): what is chosen depends on how a coefficient is measured.
-_WEIGHTED = tuple(
-    Entrant(f"NWA-30 {weight}", "NWA", Nonlinear(30, weight=weight), initial=None) for weight in ("root-area", "none")
-)
+_WEIGHTED = _ROOT_AREA, _UNWEIGHTED = tuple(nwa(30, weight, weight=weight) for weight in ("root-area", "none"))
 _WINDOW = 5
 """Frames that are summed, as in the papers."""
 
@@ -147,31 +140,31 @@ def _table(names: Sequence[str], histograms: dict[str, NDArray[np.int64]]) -> li
 
 def _claims(case: Case, histograms: dict[str, NDArray[np.int64]]) -> list[Verdict]:
     turning = slice(1, case.motion.stop + 1)
-    fine = histograms["NWA-30"].shape[1] // 2
+    fine = histograms[NWA_30.name].shape[1] // 2
     share = {name: _shares(table[turning]) for name, table in histograms.items()}
-    late = {name: float(_shares(histograms[name][-_WINDOW:])[fine:].sum()) for name in ("BI-30", "PBI-30")}
-    nwa, bi = share["NWA-30"], share["BI-30"]
-    per_band = {name: _list(30 * share[name]) for name in ("NWA-30", "NWA-30 root-area", "NWA-30 none")}
+    late = {name: float(_shares(histograms[name][-_WINDOW:])[fine:].sum()) for name in (BI_30.name, PBI_30.name)}
+    own, bi = share[NWA_30.name], share[BI_30.name]
+    per_band = {name: _list(30 * share[name]) for name in (NWA_30.name, _ROOT_AREA.name, _UNWEIGHTED.name)}
     return [
         Verdict(
-            "NWA-30 chooses nothing finer than wavelets over 256 texels: a map of 6 x 8 x 8 (C5, area weights).",
-            bool(nwa[3:].sum() <= 0.01),
+            f"{NWA_30} chooses nothing finer than wavelets over 256 texels: a map of 6 x 8 x 8 (C5, area weights).",
+            bool(own[3:].sum() <= 0.01),
             f"terms a frame per band: {per_band['NWA-30']}",
             "So it is with weight area x orthonormal coefficient, the reading that reproduces the papers."
-            if nwa[3:].sum() <= 0.01
+            if own[3:].sum() <= 0.01
             else "Lights of a few texels are bright enough here to bring finer wavelets in even by area.",
         ),
         Verdict(
             "Under the root of the area, or none, the same method reaches fine bands (T6, X1).",
-            bool(share["NWA-30 none"][3:].sum() > share["NWA-30 root-area"][3:].sum() >= nwa[3:].sum()),
+            bool(share[_UNWEIGHTED.name][3:].sum() > share[_ROOT_AREA.name][3:].sum() >= own[3:].sum()),
             f"root-area {per_band['NWA-30 root-area']}; none {per_band['NWA-30 none']}",
             "The weight decides what is chosen; each flatters its own measure of error.",
         ),
         Verdict(
             "BI spreads its terms over finer levels than NWA (C5).",
-            bool(bi[fine:].sum() > 2 * nwa[fine:].sum() and bi[fine:].sum() > 0.05),
+            bool(bi[fine:].sum() > 2 * own[fine:].sum() and bi[fine:].sum() > 0.05),
             f"terms in the {len(bi) - fine} finest bands: BI {100 * bi[fine:].sum():.1f} %, "
-            f"NWA {100 * nwa[fine:].sum():.1f} %",
+            f"NWA {100 * own[fine:].sum():.1f} %",
             "What is already right need not be sent again, so that terms are left for detail.",
         ),
         Verdict(

@@ -15,9 +15,8 @@ from ...pages.plotting import logarithmic
 from ...pages.verdict import Verdict
 from ...progress import Progress
 from ...relight.comparison import relative_errors
-from ...relight.entrants import Entrant
+from ...relight.entrants import BI_30, PBI_30, PBI_100
 from ...transport.transport import Transport
-from ...update.methods import Incremental, PerBand
 from ..case import Case, Light, follow, light_errors, lights
 from ..shape import Study
 from ..sheet import Sheet
@@ -25,11 +24,11 @@ from ..sheet import Sheet
 __all__ = ["STUDY", "nwa_light_errors", "terms_for"]
 
 _ROWS = (
-    Entrant("BI-30", "BI", Incremental(30)),
-    Entrant("PBI-30", "PBI", PerBand(30)),
-    Entrant("PBI-100", "PBI", PerBand(100)),
+    BI_30,
+    PBI_30,
+    PBI_100,
 )
-_STYLES = {"BI-30": ("#009E73", "-"), "PBI-30": ("#0072B2", "-"), "PBI-100": ("#56B4E9", "--")}
+_STYLES = {BI_30.name: ("#009E73", "-"), PBI_30.name: ("#0072B2", "-"), PBI_100.name: ("#56B4E9", "--")}
 _AFTER = 5
 """Frames after the stop at which the papers look again."""
 _IMAGES = 12
@@ -187,9 +186,9 @@ def _table(worth: dict[str, NDArray[np.float64]], errors: dict[str, NDArray[np.f
 
 def _claims(found: dict[str, tuple[Curve, Curve]]) -> list[Verdict]:
     claims = (
-        ("While the light turns, PBI-30 is worth about 100 terms of NWA (E1).", 0, "PBI-30", 100),
-        ("While the light turns, PBI-100 is worth about 300 terms of NWA (E1).", 0, "PBI-100", 300),
-        ("Five frames after the stop, PBI-30 is worth about 300 terms of NWA (E1).", 1, "PBI-30", 300),
+        (f"While the light turns, {PBI_30} is worth about 100 terms of NWA (E1).", 0, PBI_30.name, 100),
+        (f"While the light turns, {PBI_100} is worth about 300 terms of NWA (E1).", 0, PBI_100.name, 300),
+        (f"Five frames after the stop, {PBI_30} is worth about 300 terms of NWA (E1).", 1, PBI_30.name, 300),
     )
     return [_claim(found, *each) for each in claims]
 

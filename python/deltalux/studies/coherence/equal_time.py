@@ -9,6 +9,7 @@ import numpy as np
 from ...pages.plotting import FAMILIES, logarithmic
 from ...pages.verdict import Verdict
 from ...progress import Progress
+from ...relight.entrants import PBI_30
 from ..case import Case
 from ..shape import Study
 from ..sheet import Sheet
@@ -87,7 +88,7 @@ def _claim(points: Sequence[Point], base: Point) -> Verdict:
     best = best_within(points, base.milliseconds) or base
     gain = base.error / best.error if best.error > 0 else float("inf")
     return Verdict(
-        "Our own aim: in the same time a third of the image error of the papers' recipe (PBI-30, area weights).",
+        f"Our own aim: in the same time a third of the image error of the papers' recipe ({PBI_30}, area weights).",
         gain >= _AIM,
         f"{best.candidate}: {100 * best.error:.3g} % in {best.milliseconds:.2f} ms against {100 * base.error:.3g} % in "
         f"{base.milliseconds:.2f} ms, a factor of {gain:.2g}",

@@ -15,9 +15,8 @@ from ...pages.plotting import FAMILIES, logarithmic
 from ...pages.verdict import Verdict
 from ...progress import Progress
 from ...relight.comparison import relative_errors
-from ...relight.entrants import Entrant
+from ...relight.entrants import BI_30, EXACT, NWA_30, PBI_30
 from ...transport.transport import Transport
-from ...update.methods import Full, Incremental, Nonlinear, PerBand
 from ..case import Case, Light, follow, light_errors, lights
 from ..pictures import CORNER, cross, window
 from ..shape import Study
@@ -27,10 +26,10 @@ from .ghosts import cubemap_ghosts, image_ghosts
 __all__ = ["STUDY"]
 
 _ROWS = (
-    Entrant("NWA-30", "NWA", Nonlinear(30), initial=None),
-    Entrant("exact", "exact", Full()),
-    Entrant("BI-30", "BI", Incremental(30)),
-    Entrant("PBI-30", "PBI", PerBand(30)),
+    NWA_30,
+    EXACT,
+    BI_30,
+    PBI_30,
 )
 _HOLD = 300
 """Still frames: the papers look at frame 400."""
@@ -97,8 +96,8 @@ def _details(cubemaps: Pictures, key: tuple[str, int], moments: dict[int, str]) 
     """Two windows side by side."""
     name, frame = key
     _, fast, *_ = moments
-    exact, size = cubemaps["exact", frame], cubemaps[key].shape[0] // 6
-    worst = np.abs(cubemaps["BI-30", fast] - cubemaps["exact", fast])
+    exact, size = cubemaps[EXACT.name, frame], cubemaps[key].shape[0] // 6
+    worst = np.abs(cubemaps[BI_30.name, fast] - cubemaps[EXACT.name, fast])
     gap = np.full((size, max(size // 16, 1), 3), np.inf, np.float32)
     return np.concatenate([window(cubemaps[key], exact, size), gap, window(cubemaps[key], worst, size)], axis=1)
 
@@ -108,7 +107,7 @@ def _strip(
 ) -> None:
     """Methods down, moments across, all with the exposure of the exact first."""
     height, width = next(iter(shown.values())).shape[:2]
-    stops = auto_exposure(np.where(np.isfinite(first := shown["exact", next(iter(moments))]), first, 0))
+    stops = auto_exposure(np.where(np.isfinite(first := shown[EXACT.name, next(iter(moments))]), first, 0))
     size = (2.3 * len(moments) + 0.5, (2.3 * height / width + 0.1) * len(_ROWS) + 0.5)
     with sheet.plot(kind, caption, len(_ROWS), len(moments), size) as (_, axes):
         for line, row in zip(axes, _ROWS, strict=True):
@@ -123,22 +122,24 @@ def _strip(
 
 def _measure(images: Pictures, name: str) -> dict[int, tuple[float, float]]:
     frames = [k for method, k in images if method == name]
-    pairs = {k: (images[name, k], images["exact", k]) for k in sorted(frames)}
+    pairs = {k: (images[name, k], images[EXACT.name, k]) for k in sorted(frames)}
     return {k: (relative_errors(shown, exact)[1], image_ghosts(shown, exact)) for k, (shown, exact) in pairs.items()}
 
 
 def _pictures(transport: Transport, sheet: Sheet, images: Pictures, series: Series, moments: dict[int, str]) -> None:
     _, fast, *_ = moments
-    errors = {(name, k): f"{100 * of[k][0]:.2g} %" for name, of in series.items() if name != "exact" for k in moments}
+    others = {name: of for name, of in series.items() if name != EXACT.name}
+    errors = {(name, k): f"{100 * of[k][0]:.2g} %" for name, of in others.items() for k in moments}
     caption = "The picture. Exact, and with thirty terms a frame; in the corner the relative L2 error."
     _strip(sheet, "image.png", caption, images, moments, errors)
-    worst = np.abs(images["BI-30", fast] - images["exact", fast])
+    worst = np.abs(images[BI_30.name, fast] - images[EXACT.name, fast])
     size = max(min(worst.shape[:2]) // 2, 8)
-    times = magnification(worst, auto_exposure(images["exact", fast]))
+    times = magnification(worst, auto_exposure(images[EXACT.name, fast]))
     gap = np.full((size, max(size // 16, 1), 3), np.inf, np.float32)
     details = {
         (name, k): np.concatenate(
-            [window(shown, worst, size), gap, times * np.abs(window(shown - images["exact", k], worst, size))], axis=1
+            [window(shown, worst, size), gap, times * np.abs(window(shown - images[EXACT.name, k], worst, size))],
+            axis=1,
         )
         for (name, k), shown in images.items()
         if k in moments
@@ -154,7 +155,7 @@ def _curves(sheet: Sheet, kind: str, what: str, series: Series, motion: Motion) 
     caption = f"{what}: ghosts against frame. Energy shown where the exact one has none; NWA has next to none, or none."
     last = motion.stop + 2 * _AFTER
     with sheet.plot(kind, caption, 1, 1, (8.6, 3.8)) as (figure, axes):
-        for row in (row for row in _ROWS if row.name != "exact"):
+        for row in (row for row in _ROWS if row.name != EXACT.name):
             frames = [k for k in series[row.name] if 0 < k <= last]
             ghosts = np.array([100 * series[row.name][k][1] for k in frames])
             axes.plot(frames, np.where(ghosts > 0, ghosts, np.nan), color=FAMILIES[row.family], label=row.name)
@@ -185,10 +186,10 @@ def _table(light: Series, image: Series) -> list[dict[str, Any]]:
 
 def _claims(light: Series, image: Series, moments: dict[int, str]) -> list[Verdict]:
     _, fast, _, _, last = moments
-    verdicts = [_ghosts_claim("light", light, [k for k in light["exact"] if 0 < k <= fast * 2])]
-    if image["exact"]:
-        verdicts.append(_ghosts_claim("picture", image, [k for k in image["exact"] if 0 < k <= fast * 2]))
-    nwa, bi, pbi = (100 * light[name][last][0] for name in ("NWA-30", "BI-30", "PBI-30"))
+    verdicts = [_ghosts_claim("light", light, [k for k in light[EXACT.name] if 0 < k <= fast * 2])]
+    if image[EXACT.name]:
+        verdicts.append(_ghosts_claim("picture", image, [k for k in image[EXACT.name] if 0 < k <= fast * 2]))
+    nwa, bi, pbi = (100 * light[name][last][0] for name in (NWA_30.name, BI_30.name, PBI_30.name))
     verdicts.append(
         Verdict(
             "Long after the stop BI and PBI show the exact light, and NWA never does (C1).",
@@ -202,7 +203,7 @@ def _claims(light: Series, image: Series, moments: dict[int, str]) -> list[Verdi
 
 def _ghosts_claim(what: str, series: Series, frames: list[int]) -> Verdict:
     mean = {name: 100 * float(np.mean([of[k][1] for k in frames])) for name, of in series.items()}
-    holds = mean["PBI-30"] < 0.5 * mean["BI-30"]
+    holds = mean[PBI_30.name] < 0.5 * mean[BI_30.name]
     if holds:
         why = "Resets take out what BI leaves behind."
     elif what == "picture":
@@ -212,7 +213,7 @@ def _ghosts_claim(what: str, series: Series, frames: list[int]) -> Verdict:
     return Verdict(
         f"While the light turns BI shows ghosts, and PBI few of them ({what}; C2, D8).",
         holds,
-        ", ".join(f"{name} {value:.2g} %" for name, value in mean.items() if name != "exact"),
+        ", ".join(f"{name} {value:.2g} %" for name, value in mean.items() if name != EXACT.name),
         why,
     )
 

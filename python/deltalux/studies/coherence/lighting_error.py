@@ -15,8 +15,7 @@ from ...light.motion import Motion
 from ...pages.plotting import FAMILIES, logarithmic, mark_stop
 from ...pages.verdict import Verdict
 from ...progress import Progress
-from ...relight.entrants import Entrant
-from ...update.methods import Incremental, Nonlinear, PerBand
+from ...relight.entrants import BI_30, NWA_30, NWA_60, NWA_100, NWA_300, NWA_500, PBI_30, Entrant, pbi
 from ..case import Case, Light, follow, light_errors, lights
 from ..shape import Study
 from ..sheet import Sheet
@@ -25,18 +24,13 @@ __all__ = ["STUDY"]
 
 _SPEEDS = (30.0, 45.0, 90.0, 180.0)
 
-_NWA = tuple(Entrant(f"NWA-{terms}", "NWA", Nonlinear(terms), initial=None) for terms in (30, 60, 100, 300, 500))
-_BI = Entrant("BI-30", "BI", Incremental(30))
-_PBI = Entrant("PBI-30", "PBI", PerBand(30))
-_TESTS = (
-    _PBI,
-    Entrant("PBI-30 L2", "PBI", PerBand(30, norm="l2")),
-    Entrant("PBI-30 dealer", "PBI", PerBand(30, test="dealer")),
-    Entrant("PBI-30 exhaustive", "PBI", PerBand(30, test="exhaustive")),
-)
+_NWA = (NWA_30, NWA_60, NWA_100, NWA_300, NWA_500)
+_PBI_L2 = pbi(30, "L2", norm="l2")
+_DEALER, _EXHAUSTIVE = (pbi(30, test, test=test) for test in ("dealer", "exhaustive"))
+_TESTS = (PBI_30, _PBI_L2, _DEALER, _EXHAUSTIVE)
 # The rejected static threshold: the two coarsest bands incremental, NWA in all others.
-_FIXED = Entrant("PBI-30 fixed", "PBI", PerBand(30, test="fixed", fixed=2))
-_ROWS = (*_NWA, _BI, *_TESTS, _FIXED)
+_FIXED = pbi(30, "fixed", test="fixed", fixed=2)
+_ROWS = (*_NWA, BI_30, *_TESTS, _FIXED)
 
 _AFTER = 25
 """Frames after the stop at which the papers compare PBI-30 with NWA-500."""
@@ -76,15 +70,21 @@ def _errors(columns: Haar, row: Entrant, frames: Sequence[Light]) -> NDArray[np.
 
 
 def _draw(case: Case, sheet: Sheet, errors: Errors) -> None:
-    styles = {"NWA-30": ":", "NWA-60": (0, (1, 2, 4, 2)), "NWA-100": "--", "NWA-300": "-.", "NWA-500": "-"}
+    styles = {
+        NWA_30.name: ":",
+        NWA_60.name: (0, (1, 2, 4, 2)),
+        NWA_100.name: "--",
+        NWA_300.name: "-.",
+        NWA_500.name: "-",
+    }
     caption = (
         "Error of the light against frame. Area-weighted L1, as in the papers' Fig. 6.2; below, the band tests "
-        "of PBI-30 (the papers' inset), and the static threshold that they reject."
+        f"of {PBI_30} (the papers' inset), and the static threshold that they reject."
     )
     options = {"sharex": True, "height_ratios": (2.1, 1)}
     with sheet.plot("lighting-error.png", caption, 2, 1, (9.2, 7.0), **options) as (figure, (axes, tests)):
-        for row in (*_NWA, _BI, _PBI):
-            width = 2.4 if row is _PBI else 1.5
+        for row in (*_NWA, BI_30, PBI_30):
+            width = 2.4 if row is PBI_30 else 1.5
             style = styles.get(row.name, "-")
             _line(axes, errors[row.name], row.name, color=FAMILIES[row.family], linestyle=style, linewidth=width)
         colours = ("#0072B2", "#56B4E9", "#009E73", "#E69F00", "#999999")
@@ -135,10 +135,10 @@ def _claims(motion: Motion, found: dict[float, Errors], asked: float) -> list[Ve
 
 
 def _never_below_nwa_60(errors: Errors, turning: slice) -> Verdict:
-    better = float(np.mean(errors["PBI-30"][turning] <= errors["NWA-60"][turning]))
+    better = float(np.mean(errors[PBI_30.name][turning] <= errors[NWA_60.name][turning]))
     holds = better >= 0.95
     return Verdict(
-        "PBI-30 is essentially always at least as good as NWA-60 (D7).",
+        f"{PBI_30} is essentially always at least as good as {NWA_60} (D7).",
         holds,
         f"in {100 * better:.0f} % of the turning frames",
         ""
@@ -149,26 +149,26 @@ def _never_below_nwa_60(errors: Errors, turning: slice) -> Verdict:
 
 
 def _as_nwa_100(mean: dict[str, float], means: dict[float, dict[str, float]]) -> Verdict:
-    holds = mean["PBI-30"] <= 1.1 * mean["NWA-100"]
-    until = [degrees for degrees, each in means.items() if each["PBI-30"] <= 1.1 * each["NWA-100"]]
+    holds = mean[PBI_30.name] <= 1.1 * mean[NWA_100.name]
+    until = [degrees for degrees, each in means.items() if each[PBI_30.name] <= 1.1 * each[NWA_100.name]]
     why = f"It holds at {', '.join(f'{d:g}' for d in until)} degrees in these frames." if until else "At no speed here."
     return Verdict(
-        "While the light turns, PBI-30 is about as good as NWA-100: three times the terms (D7).",
+        f"While the light turns, {PBI_30} is about as good as {NWA_100}: three times the terms (D7).",
         holds,
-        f"mean {mean['PBI-30']:.3g} % against {mean['NWA-100']:.3g} %",
+        f"mean {mean[PBI_30.name]:.3g} % against {mean[NWA_100.name]:.3g} %",
         f"{why} The gain is coherence from frame to frame: it shrinks with speed.",
     )
 
 
 def _below_nwa_500(errors: Errors, motion: Motion) -> Verdict:
-    last = min(motion.stop + _AFTER, len(errors["PBI-30"]) - 1)
-    pbi, nwa = (errors[name][motion.stop : last + 1] for name in ("PBI-30", "NWA-500"))
+    last = min(motion.stop + _AFTER, len(errors[PBI_30.name]) - 1)
+    pbi, nwa = (errors[name][motion.stop : last + 1] for name in (PBI_30.name, NWA_500.name))
     below = np.flatnonzero(pbi < nwa)
     when = f"below it {below[0]} frames after the stop" if below.size else f"not below it in {len(pbi) - 1} frames"
     return Verdict(
-        "25 frames after the stop not even NWA-500 equals PBI-30 (D7).",
+        f"25 frames after the stop not even {NWA_500} equals {PBI_30} (D7).",
         bool(pbi[-1] < nwa[-1]),
-        f"PBI-30 {100 * pbi[-1]:.3g} %, NWA-500 {100 * nwa[-1]:.3g} %; {when}",
+        f"{PBI_30} {100 * pbi[-1]:.3g} %, {NWA_500} {100 * nwa[-1]:.3g} %; {when}",
         "NWA stays where its terms end; PBI goes on with what is left.",
     )
 
@@ -176,7 +176,7 @@ def _below_nwa_500(errors: Errors, motion: Motion) -> Verdict:
 def _bi_beats_nwa(found: dict[float, Errors], turning: slice) -> Verdict:
     shares, fails = [], []
     for degrees, errors in found.items():
-        bi, nwa = (errors[name][turning, 0] for name in ("BI-30", "NWA-30"))
+        bi, nwa = (errors[name][turning, 0] for name in (BI_30.name, NWA_30.name))
         shares.append(f"{degrees:g} degrees: {100 * np.mean(bi <= nwa):.0f} %")
         if np.any(bi > nwa):
             fails.append(f"{degrees:g}")
@@ -189,19 +189,21 @@ def _bi_beats_nwa(found: dict[float, Errors], turning: slice) -> Verdict:
     return Verdict(
         "BI is always better than NWA with the same terms, in numbers (D7).",
         not fails,
-        f"frames in which BI-30 is no worse than NWA-30: {'; '.join(shares)}",
+        f"frames in which {BI_30} is no worse than {NWA_30}: {'; '.join(shares)}",
         why,
     )
 
 
 def _tests_agree(mean: dict[str, float]) -> Verdict:
-    three = {name: mean[name] for name in ("PBI-30", "PBI-30 dealer", "PBI-30 exhaustive")}
+    three = {name: mean[name] for name in (PBI_30.name, _DEALER.name, _EXHAUSTIVE.name)}
     least, most = min(three.values()), max(three.values())
     apart = most / least - 1 if least > 0 else 0.0
     return Verdict(
         "The simple, dealer and exhaustive band tests are nearly the same (within 5 %) (D3-D5, D7).",
         apart <= 0.05,
-        ", ".join(f"{name.removeprefix('PBI-30').strip() or 'simple'} {value:.4g} %" for name, value in three.items()),
+        ", ".join(
+            f"{name.removeprefix(PBI_30.name).strip() or 'simple'} {value:.4g} %" for name, value in three.items()
+        ),
         f"They lie within {100 * apart:.1f} % of each other; the simple test costs least."
         + (
             ""
@@ -213,7 +215,7 @@ def _tests_agree(mean: dict[str, float]) -> Verdict:
 
 
 def _fixed_never_arrives(errors: Errors) -> Verdict:
-    end, other = 100 * errors["PBI-30 fixed"][-1], 100 * errors["PBI-30"][-1]
+    end, other = 100 * errors[_FIXED.name][-1], 100 * errors[PBI_30.name][-1]
     return Verdict(
         "A static threshold (coarse bands incremental, fine ones always anew) is worse than the tests (D6).",
         bool(end > other),

@@ -10,10 +10,10 @@ import numpy as np
 from ...light.environment import Environment
 from ...progress import Progress
 from ...relight.comparison import relative_errors
-from ...relight.entrants import Entrant
+from ...relight.entrants import EXACT, Entrant
 from ...relight.relighter import Relighter
 from ...transport.transport import Transport
-from ...update.methods import Full, Incremental, Method, Nonlinear, PerBand
+from ...update.methods import Incremental, Method, Nonlinear, PerBand
 
 __all__ = ["MAKERS", "WEIGHTS", "Candidate", "Point", "best_within", "candidates", "measure"]
 
@@ -33,7 +33,7 @@ class Candidate:
     def row(self) -> Entrant:
         """As methods are listed elsewhere. NWA keeps nothing, so it need not start from an exact product."""
         if self.terms is None:
-            return Entrant("exact", "exact", Full())
+            return EXACT
         initial = None if self.family == "NWA" else "full"
         return Entrant(str(self), self.family, MAKERS[self.family](self.terms, weight=self.weight), initial)
 
@@ -44,7 +44,7 @@ class Candidate:
 def candidates(terms: Sequence[int]) -> list[Candidate]:
     """All pairs of a method and a weight at these budgets, after the exact product."""
     grid = [Candidate(family, weight, n) for family in MAKERS for weight in WEIGHTS for n in terms]
-    return [Candidate("exact", "", None), *grid]
+    return [Candidate(EXACT.family, "", None), *grid]
 
 
 @dataclass(frozen=True)

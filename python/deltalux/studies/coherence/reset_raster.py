@@ -14,15 +14,13 @@ from ...columns import Haar
 from ...pages.plotting import FAMILIES, draw_resets
 from ...pages.verdict import Verdict
 from ...progress import Progress
-from ...relight.entrants import Entrant
-from ...update.methods import PerBand
+from ...relight.entrants import PBI_30, Entrant
 from ..case import Case, Light, Moment, band_starts, follow, lights
 from ..shape import Study
 from ..sheet import Sheet
 
 __all__ = ["STUDY", "rasters"]
 
-_PBI = Entrant("PBI-30", "PBI", PerBand(30))
 _SPEEDS = (30.0, 45.0, 90.0, 180.0)
 
 Raster = NDArray[np.bool_]
@@ -37,7 +35,7 @@ def run(case: Case, sheet: Sheet, progress: Progress) -> None:
     for k, degrees in enumerate(speeds):
         progress(k, len(speeds))
         frames = lights(case.env, replace(case.motion, rotate=copysign(degrees, case.motion.rotate)), case.columns)
-        printed[degrees], held[degrees] = rasters(case.columns, _PBI, frames)
+        printed[degrees], held[degrees] = rasters(case.columns, PBI_30, frames)
     progress(1, 1)
 
     _draw(case, sheet, printed[asked], held[asked])
@@ -69,8 +67,8 @@ def _anew(columns: Haar, moment: Moment, light: Light) -> Raster:
 
 def _draw(case: Case, sheet: Sheet, printed: Raster, held: Raster) -> None:
     caption = (
-        "Frames in which PBI-30 starts a band anew. Pale lines are resets of bands that held nothing, which cost and "
-        "change nothing; below, the angle of the light."
+        f"Frames in which {PBI_30} starts a band anew. Pale lines are resets of bands that held nothing, which cost "
+        "and change nothing; below, the angle of the light."
     )
     counts = zip(printed.sum(axis=0), held.sum(axis=0), strict=True)
     notes = [f"{every} resets\n{own} of held light" for every, own in counts]
@@ -78,7 +76,7 @@ def _draw(case: Case, sheet: Sheet, printed: Raster, held: Raster) -> None:
     options = {"sharex": True, "height_ratios": (2.4, 1)}
     with sheet.plot("resets.png", caption, 2, 1, (8.8, 5.2), **options) as (figure, both):
         draw_resets(both, case.columns, case.motion, layers, notes)
-        figure.suptitle(f"Bands that PBI-30 starts anew under {case.env.name}", fontsize=11)
+        figure.suptitle(f"Bands that {PBI_30} starts anew under {case.env.name}", fontsize=11)
 
 
 def _table(case: Case, printed: dict[float, Raster], held: dict[float, Raster]) -> list[dict[str, Any]]:

@@ -22,7 +22,8 @@ from ...columns import Haar, SphericalHarmonics
 from ...io import to_display
 from ...light import skies
 from ...light.environment import Environment
-from ...light.sequences import disc, texel_directions
+from ...light.layouts import face_directions
+from ...light.sequences import disc
 from ...pages.plotting import percent
 from ...pages.verdict import Verdict
 from ...precomputation.run import precompute
@@ -120,9 +121,8 @@ def _disc_light(size: float) -> Environment:
     if size > 0:
         cover = disc(_PLACE, size / 2)
     else:
-        centres = texel_directions().reshape(6, 64, 2, 64, 2, 3).sum(axis=(2, 4))
         cover = np.zeros((6, 64, 64), np.float32)
-        cover.flat[np.argmax(centres @ skies.toward(*np.radians(_PLACE)))] = 1
+        cover.flat[np.argmax(face_directions(64) @ skies.toward(*np.radians(_PLACE)))] = 1
     return _same_flux(Environment.from_cubemap(np.repeat(cover[..., None], 3, axis=3)))
 
 

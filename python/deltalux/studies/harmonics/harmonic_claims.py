@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 
 from ...light.motion import Motion
 from ...pages.verdict import Verdict
+from ...relight.entrants import EXACT, NWA_100, PBI_100
 from ..case import Light, Moment
 from ..coherence.equal_quality import terms_for
+from .entrants import NWA_25, PBI_25, PBI_25_ON_SH, PBI_SH_25, SH_ORDER_5, SH_ORDER_10, SH_ORDER_20
 from .flicker import Track, turning
 
 __all__ = ["CURVES", "Arrival", "Findings", "claims"]
@@ -66,13 +68,14 @@ def claims(found: Findings, motion: Motion) -> list[Verdict]:
 
 
 def _as_order_10(found: Findings, frames: slice) -> Verdict:
-    names = ("SH order 5", "SH order 10", "PBI-SH-25")
+    names = (SH_ORDER_5.name, SH_ORDER_10.name, PBI_SH_25.name)
     fifth, tenth, pbi = (found.tracks[name].mean("errors", frames) for name in names)
     curve = found.curves["SH"]
     worth = terms_for(np.array(list(curve), float), 100 * np.array(list(curve.values())), pbi)
     order = f"linear order {np.sqrt(worth):.1f}" if np.isfinite(worth) else "no order up to 20"
     return Verdict(
-        f"While the light turns PBI-SH-25 is about as good as linear order 10, within {100 * _ABOUT - 100:.0f} % (F3).",
+        f"While the light turns {PBI_SH_25} is about as good as linear order 10, "
+        f"within {100 * _ABOUT - 100:.0f} % (F3).",
         pbi <= _ABOUT * tenth,
         f"mean error {pbi:.3g} %; order 5 {fifth:.3g} %, order 10 {tenth:.3g} %; it is worth {order}",
         "Low degrees turn slowly and are always up to date; the higher the degree, the longer it waits for its turn, "
@@ -81,10 +84,10 @@ def _as_order_10(found: Findings, frames: slice) -> Verdict:
 
 
 def _minimal_flicker(found: Findings, frames: slice) -> Verdict:
-    names = ("PBI-SH-25", "SH order 10", "NWA-25", "NWA-100", "PBI-25", "exact")
+    names = (PBI_SH_25.name, SH_ORDER_10.name, NWA_25.name, NWA_100.name, PBI_25.name, EXACT.name)
     flicker = {name: found.tracks[name].mean("flicker", frames) for name in names}
     unrest = {name: found.tracks[name].mean("unrest", frames) for name in names}
-    holds = flicker["PBI-SH-25"] <= 2 * flicker["SH order 10"] and flicker["PBI-SH-25"] <= flicker["NWA-25"]
+    holds = flicker[PBI_SH_25.name] <= 2 * flicker[SH_ORDER_10.name] and flicker[PBI_SH_25.name] <= flicker[NWA_25.name]
     return Verdict(
         "PBI-SH flickers little: at most twice linear order 10's flicker, and less than NWA with as many terms (F3).",
         holds,
@@ -99,7 +102,7 @@ def _minimal_flicker(found: Findings, frames: slice) -> Verdict:
 
 
 def _smoother_but_slower(found: Findings, motion: Motion) -> Verdict:
-    ours, plain = "PBI-SH-25", "PBI-25 on SH"
+    ours, plain = PBI_SH_25.name, PBI_25_ON_SH.name
     unrest = {name: found.tracks[name].mean("unrest", turning(motion)) for name in (ours, plain)}
     late = {name: found.arrivals[name].frames for name in (ours, plain)}
     # What is left of the light while it converges; one frame, if nothing follows the stop.
@@ -120,13 +123,13 @@ def _smoother_but_slower(found: Findings, motion: Motion) -> Verdict:
 
 
 def _no_exact_limit(found: Findings) -> Verdict:
-    harmonic, haar = found.arrivals["PBI-SH-25"], found.arrivals["PBI-100"]
-    limit = found.tracks["SH order 20"].errors[-1]
+    harmonic, haar = found.arrivals[PBI_SH_25.name], found.arrivals[PBI_100.name]
+    limit = found.tracks[SH_ORDER_20.name].errors[-1]
     return Verdict(
         "Harmonics have no exact limit, wavelets do: PBI-SH ends at order 20's error, PBI on Haar at none (F1).",
         abs(harmonic.error - limit) <= 1e-3 * limit and haar.error == 0.0 < limit,
-        f"PBI-SH-25 after {harmonic.frames} still frames {100 * harmonic.error:.3g} % (order 20: {100 * limit:.3g} %); "
-        f"PBI-100 after {haar.frames} still frames {100 * haar.error:g} %",
+        f"{PBI_SH_25} after {harmonic.frames} still frames {100 * harmonic.error:.3g} % "
+        f"(order 20: {100 * limit:.3g} %); {PBI_100} after {haar.frames} still frames {100 * haar.error:g} %",
         "The harmonics' transport is dense and has to end somewhere; of the wavelets' nearly all is zero, and all the "
         "rest is kept.",
     )
@@ -147,7 +150,7 @@ def _bands_kept(found: Findings, motion: Motion) -> Verdict:
 
 def _little_from_25_to_100(found: Findings, frames: slice) -> Verdict:
     figures, gains = [], {}
-    for basis, few, many in (("SH", "SH order 5", "SH order 10"), ("NWA", "NWA-25", "NWA-100")):
+    for basis, few, many in (("SH", SH_ORDER_5.name, SH_ORDER_10.name), ("NWA", NWA_25.name, NWA_100.name)):
         pairs = {what: [found.tracks[name].mean(what, frames) for name in (few, many)] for what in ("errors", "edges")}
         gains[basis] = {what: a / b if b > 0 else float("inf") for what, (a, b) in pairs.items()}
         (e0, e1), (g0, g1) = pairs["errors"], pairs["edges"]

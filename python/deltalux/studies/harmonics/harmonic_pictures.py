@@ -13,13 +13,14 @@ from ...columns import Haar
 from ...io import auto_exposure, magnification, to_display
 from ...light.motion import Motion
 from ...pages.plotting import FAMILIES, mark_stop, percent
-from ...relight.entrants import Entrant
+from ...relight.entrants import EXACT, NWA_100, PBI_100, Entrant
 from ...transport.transport import Transport
 from ...update.approximation import Approximation
 from ...update.methods import Nonlinear
 from ..case import Light
 from ..pictures import CORNER, cross
 from ..sheet import Sheet
+from .entrants import NWA_25, PBI_25_ON_SH, PBI_SH_25, SH_ORDER_5, SH_ORDER_10
 from .flicker import Track
 from .projection import HarmonicView
 
@@ -30,19 +31,19 @@ Pictures = dict[tuple[str, int], NDArray[np.float32]]
 
 
 _COLOURS = FAMILIES | {"SH": "#CC79A7", "PBI-SH": "#E69F00"}
-_STYLES = {"SH order 5": ":", "NWA-25": ":"} | dict.fromkeys(
-    ("SH order 10", "PBI-25 on SH", "NWA-100", "PBI-100"), "--"
+_STYLES = {SH_ORDER_5.name: ":", NWA_25.name: ":"} | dict.fromkeys(
+    (SH_ORDER_10.name, PBI_25_ON_SH.name, NWA_100.name, PBI_100.name), "--"
 )
-_TITLES = {"SH order 5": "SH-25 (order 5)", "SH order 10": "SH-100 (order 10)"}
+_TITLES = {SH_ORDER_5.name: "SH-25 (order 5)", SH_ORDER_10.name: "SH-100 (order 10)"}
 
 
 def bases_strip(
     sheet: Sheet, transport: Transport, view: HarmonicView, V: Light, pictures: Mapping[str, NDArray[np.float32]]
 ) -> None:
     """Fig. 8.3: 25 and 100 terms of both bases; what they lack, and the light they stand for."""
-    names = ("SH order 5", "SH order 10", "NWA-25", "NWA-100", "exact")
+    names = (SH_ORDER_5.name, SH_ORDER_10.name, NWA_25.name, NWA_100.name, EXACT.name)
     lights = dict(zip(names, _applied(transport, view, V), strict=True))
-    exact = pictures["exact"]
+    exact = pictures[EXACT.name]
     stops = auto_exposure(exact)
     times = magnification(np.stack([pictures[name] - exact for name in names[:-1]]), stops)
     caption = (
@@ -59,7 +60,7 @@ def bases_strip(
         for column, name, face in zip(axes.T, names, faces, strict=True):
             column[0].set_title(_TITLES.get(name, name))
             difference = np.abs(pictures[name] - exact)
-            _show(column[0], pictures[name], stops, None if name == "exact" else _error(difference, exact))
+            _show(column[0], pictures[name], stops, None if name == EXACT.name else _error(difference, exact))
             _show(column[1], times * difference, stops)
             _show(column[2], face, light_stops)
         for panel, label in zip(axes[:, 0], ("picture", f"difference, × {times}", "light"), strict=True):
@@ -82,14 +83,14 @@ def _applied(transport: Transport, view: HarmonicView, V: Light) -> list[NDArray
 def moments_strip(sheet: Sheet, pictures: Pictures, tracks: Mapping[str, Track], moments: Mapping[int, str]) -> None:
     """Methods while the light turns fastest and at the end: the picture, and what it lacks."""
     names, (fast, *_) = list(tracks), moments
-    stops = auto_exposure(pictures["exact", fast])
-    differences = {key: pictures[key] - pictures["exact", key[1]] for key in pictures if key[1] in moments}
+    stops = auto_exposure(pictures[EXACT.name, fast])
+    differences = {key: pictures[key] - pictures[EXACT.name, key[1]] for key in pictures if key[1] in moments}
     times = magnification(np.stack([differences[name, fast] for name in names[1:]]), stops)
     caption = (
         f"Both bases at two moments. Beside each picture its difference from the exact one, {times} times; in the "
         "corner the relative L2 error and the flicker, the change of the error image since the frame before."
     )
-    height, width = pictures["exact", fast].shape[:2]
+    height, width = pictures[EXACT.name, fast].shape[:2]
     across = 2 * len(moments)
     size = (2.2 * across + 0.5, (2.2 * height / width + 0.06) * len(names) + 0.5)
     with sheet.plot("moments.png", caption, len(names), across, size) as (_, axes):
@@ -114,7 +115,7 @@ def frames_plot(sheet: Sheet, tracks: Mapping[str, Track], rows: Sequence[Entran
             for row in rows:
                 series = 100 * np.array(getattr(tracks[row.name], what))
                 series[series <= 0] = np.nan
-                width = 2.4 if row.name == "PBI-SH-25" else 1.4
+                width = 2.4 if row.name == PBI_SH_25.name else 1.4
                 style = _STYLES.get(row.name, "-")
                 panel.plot(series, style, linewidth=width, color=_COLOURS[row.family], label=row.name)
             panel.set(yscale="log", ylabel=title)

@@ -16,13 +16,14 @@ from numpy.typing import NDArray
 from ...columns import Columns
 from ...light.motion import Motion
 from ...progress import Progress
-from ...relight.entrants import Entrant
+from ...relight.entrants import EXACT, NWA_100, PBI_100, Entrant
 from ...transport.transport import Transport
 from ...update.approximation import Approximation
-from ...update.methods import Full, HarmonicOrder, Incremental, Linear, Nonlinear, PerBand
+from ...update.methods import Nonlinear
 from ..case import Case, Light, Moment, follow, lights
 from ..shape import Study
 from ..sheet import Sheet
+from .entrants import BI_25, NWA_25, PBI_25, PBI_25_ON_SH, PBI_SH_25, SH_ORDER_5, SH_ORDER_10, SH_ORDER_20
 from .flicker import Track, turning
 from .harmonic_claims import CURVES, Arrival, Findings, claims
 from .harmonic_pictures import Pictures, bases_strip, frames_plot, moments_strip, terms_plot
@@ -31,26 +32,13 @@ from .projection import HarmonicView
 __all__ = ["STUDY"]
 
 _ORDER = 20
-_EXACT = Entrant("exact", "exact", Full())
-_HARMONIC = (
-    Entrant("SH order 5", "SH", Linear(25), initial=None),
-    Entrant("SH order 10", "SH", Linear(100), initial=None),
-    Entrant("SH order 20", "SH", Full()),
-    Entrant("PBI-SH-25", "PBI-SH", HarmonicOrder(terms=25, tolerance=5e-4)),
-    Entrant("PBI-25 on SH", "PBI-SH", PerBand(25, weight="none")),
-)
-_HAAR = (
-    Entrant("NWA-25", "NWA", Nonlinear(25), initial=None),
-    Entrant("NWA-100", "NWA", Nonlinear(100), initial=None),
-    Entrant("BI-25", "BI", Incremental(25)),
-    Entrant("PBI-25", "PBI", PerBand(25)),
-    Entrant("PBI-100", "PBI", PerBand(100)),
-)
+_HARMONIC = (SH_ORDER_5, SH_ORDER_10, SH_ORDER_20, PBI_SH_25, PBI_25_ON_SH)
+_HAAR = (NWA_25, NWA_100, BI_25, PBI_25, PBI_100)
 _SHOWN = (
-    *("exact", "SH order 5", "SH order 10", "SH order 20", "PBI-SH-25"),
-    *("NWA-25", "NWA-100", "PBI-25", "PBI-100"),
+    *(EXACT.name, SH_ORDER_5.name, SH_ORDER_10.name, SH_ORDER_20.name, PBI_SH_25.name),
+    *(NWA_25.name, NWA_100.name, PBI_25.name, PBI_100.name),
 )
-_ARRIVING = ("PBI-SH-25", "PBI-25 on SH", "PBI-100")
+_ARRIVING = (PBI_SH_25.name, PBI_25_ON_SH.name, PBI_100.name)
 
 _ORDERS = (2, 3, 4, 5, 6, 8, 10, 12, 14, 16, 18, 20)
 _SAMPLES = 8
@@ -112,7 +100,7 @@ def _followers(case: Case, view: HarmonicView, frames: list[Light]) -> list[_Fol
     spectra: list[Light] = []
     for k, V in enumerate(frames):
         spectra.append(spectra[-1] if k and V is frames[k - 1] else view.light(V))
-    haar = [_Follower(row, case.columns, frames, _transport(case).multiply) for row in (_EXACT, *_HAAR)]
+    haar = [_Follower(row, case.columns, frames, _transport(case).multiply) for row in (EXACT, *_HAAR)]
     harmonic = [_Follower(row, view.columns, spectra, view.multiply) for row in _HARMONIC]
     return [haar[0], *harmonic, *haar[1:]]
 
@@ -130,7 +118,7 @@ def _replay(
         for follower, moment in zip(followers, moments, strict=True):
             name, light = follower.row.name, follower.frames[k]
             shown[name] = transport.image(follower.multiply(moment.values))
-            found.tracks[name].add(shown[name], shown[_EXACT.name])
+            found.tracks[name].add(shown[name], shown[EXACT.name])
             if k in kept:
                 pictures[name, k] = shown[name]
             if name == _ARRIVING[0]:
@@ -139,7 +127,7 @@ def _replay(
                 if np.array_equal(moment.values, light):
                     found.arrivals[name] = Arrival(k - motion.stop, found.tracks[name].errors[k])
                 elif k == len(motion.angles) - 1:
-                    found.arrivals[name] = _arrive(transport, motion, follower, moment.values, shown[_EXACT.name])
+                    found.arrivals[name] = _arrive(transport, motion, follower, moment.values, shown[EXACT.name])
     return found, pictures
 
 
