@@ -111,7 +111,7 @@ class Camera:
         x = tangent * (2.0 * np.arange(self.width) + 1.0 - self.width) / self.height
         y = tangent * (self.height - 1.0 - 2.0 * np.arange(self.height)) / self.height
         rays = x[None, :, None] * right + y[:, None, None] * up + forward
-        return rays / np.linalg.norm(rays, axis=2, keepdims=True)
+        return np.asarray(rays / np.linalg.norm(rays, axis=2, keepdims=True))
 
 
 def _vector(name: str, values: Sequence[float]) -> Vector:

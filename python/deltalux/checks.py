@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import math
 import operator
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 from numpy.typing import NDArray
 
+Scalar = TypeVar("Scalar", bound=np.generic)
 Vector = tuple[float, float, float]
 
 
-def read_only(array: NDArray[Any]) -> NDArray[Any]:
+def read_only(array: NDArray[Scalar]) -> NDArray[Scalar]:
     """The array itself, which nobody can change any more."""
     array.flags.writeable = False
     return array

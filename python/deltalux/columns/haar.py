@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import operator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -58,16 +58,18 @@ class Haar:
         """Texels along a face of the cubemap that receivers look at: the size."""
         return self.size
 
-    @cached_property
+    # Properties, and the cache beside them: a type checker does not take a `cached_property` for a property, which is
+    # what `Approximation` asks of columns.
+
+    @property
     def bands(self) -> NDArray[np.intp]:
         """The band of every column, 0 the coarsest: (columns,), ascending, read-only."""
-        starts, _ = column_bands(str(self))
-        return read_only(np.repeat(np.arange(len(starts) - 1), np.diff(starts)))
+        return _bands_and_areas(self.size)[0]
 
-    @cached_property
+    @property
     def areas(self) -> NDArray[np.float64]:
         """Texels under the support of every column: (columns,) float64, read-only."""
-        return read_only(column_bands(str(self))[1])
+        return _bands_and_areas(self.size)[1]
 
     @cached_property
     def band_names(self) -> tuple[str, ...]:
@@ -89,3 +91,9 @@ class Haar:
             the squared radiance.
         """
         return env._haar(self.size)
+
+
+@cache
+def _bands_and_areas(size: int) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    starts, areas = column_bands(f"haar:{size}")
+    return read_only(np.repeat(np.arange(len(starts) - 1), np.diff(starts))), read_only(areas)

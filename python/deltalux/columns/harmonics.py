@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import operator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -63,15 +63,17 @@ class SphericalHarmonics:
         """Texels along a face of the cubemap that receivers look at and light is projected from: 64."""
         return 64
 
-    @cached_property
+    # Properties, and the cache beside them, as in `Haar`.
+
+    @property
     def bands(self) -> NDArray[np.intp]:
         """The degree l of every column: (columns,), ascending, read-only."""
-        return read_only(np.repeat(np.arange(self.order), 2 * np.arange(self.order) + 1))
+        return _bands_and_areas(self.order)[0]
 
-    @cached_property
+    @property
     def areas(self) -> NDArray[np.float64]:
         """1 for every column, since all cover the whole sphere: (columns,) float64, read-only."""
-        return read_only(np.ones(self.columns))
+        return _bands_and_areas(self.order)[1]
 
     @cached_property
     def band_names(self) -> tuple[str, ...]:
@@ -125,3 +127,9 @@ class SphericalHarmonics:
         if array.shape != (self.columns, 3):
             raise ValueError(f"expected coefficients of shape ({self.columns}, 3), got {array.shape}")
         return array
+
+
+@cache
+def _bands_and_areas(order: int) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    degrees = np.arange(order)
+    return read_only(np.repeat(degrees, 2 * degrees + 1)), read_only(np.ones(order**2))

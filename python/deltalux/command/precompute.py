@@ -43,7 +43,7 @@ def _precompute(chosen: argparse.Namespace) -> None:
     scene = scene_of(chosen)
     settings = {"columns": chosen.columns, "quality": chosen.quality, "tolerance": chosen.tolerance}
     say(plan(scene, **settings))
-    if not chosen.plan:
+    if chosen.output is not None and not chosen.plan:
         say(precompute(scene, chosen.output, **settings))
         say(f"{chosen.output} is ready")
 

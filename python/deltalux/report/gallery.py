@@ -17,6 +17,7 @@ from ..transport.transport import Transport
 
 if TYPE_CHECKING:
     from PIL.Image import Image
+    from PIL.ImageDraw import ImageDraw
     from PIL.ImageFont import FreeTypeFont
 
 __all__ = ["Gallery"]
@@ -162,7 +163,7 @@ def _cell(picture: NDArray[np.float32]) -> NDArray[np.float32]:
     times = -(-largest // _LARGEST_CELL)
     height, width = (max(side // times, 1) * times for side in picture.shape[:2])
     blocks = picture[:height, :width].reshape(height // times, times, width // times, times, 3)
-    return blocks.mean(axis=(1, 3), dtype=np.float32)
+    return np.asarray(blocks.mean(axis=(1, 3), dtype=np.float32))
 
 
 def _font(size: int) -> FreeTypeFont:
@@ -173,7 +174,7 @@ def _font(size: int) -> FreeTypeFont:
     return ImageFont.truetype(font_manager.findfont("DejaVu Sans"), size)
 
 
-def _caption(draw, at: tuple[float, float], text: str, font: FreeTypeFont) -> None:  # type: ignore[no-untyped-def]
+def _caption(draw: ImageDraw, at: tuple[float, float], text: str, font: FreeTypeFont) -> None:
     """White on a dark plate, readable over any picture."""
     box = draw.textbbox(at, text, font=font, anchor="ls")
     draw.rectangle((box[0] - 3, box[1] - 3, box[2] + 3, box[3] + 3), "#202020")

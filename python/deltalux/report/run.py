@@ -18,6 +18,7 @@ from ..output import check_folder, claim, slug
 from ..pages.machine import require_release
 from ..progress import Progress, reporter
 from ..relight.entrants import BI_30, EXACT, NWA_30, NWA_100, PBI_30, Entrant, nwa, pbi
+from ..relight.relighter import Relighter
 from ..transport.transport import Transport
 from .gallery import Gallery
 from .replay import Replay, hold_still, replay, time_frames
@@ -153,6 +154,7 @@ def _measure(
     result = replay(
         transport, env, motion, METHODS, show=gallery.show, progress=reporter(progress, f"{env.name}: errors")
     )
+    followers: dict[str, Relighter] = {}
     for threads in THREADS:
         tell = reporter(progress, f"{env.name}: times, {threads} thread{'s' * (threads > 1)}")
         result.seconds[threads], followers = time_frames(

@@ -6,8 +6,10 @@ percent of error to nothing, and their products compared; bytes are those of the
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +23,9 @@ __all__ = ["Point", "size_curve"]
 
 _TOLERANCES = (0.2, 0.1, 0.06, 0.04, 0.03, 0.02, 0.015, 0.01, 0.007, 0.005, 0.003, 0.002, 0.001)
 _SUNS = 32
+
+Product = Callable[[NDArray[np.float64]], NDArray[np.float32]]
+"""From lights (k, columns, 3) to what they reflect, (k, rows, 3)."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +53,7 @@ def size_curve(transport: Transport, envs: Sequence[Environment], motion: Motion
     lights = {env.name: _turning(transport, env, motion) for env in envs}
     suns = _suns(transport)
 
-    def errors(multiply) -> tuple[dict[str, float], float, float]:  # type: ignore[no-untyped-def]
+    def errors(multiply: Product) -> tuple[dict[str, float], float, float]:
         of = {
             name: float(np.mean(_error(multiply(V), audit.multiply(V)[:, real], weight))) for name, V in lights.items()
         }
@@ -65,11 +70,14 @@ def size_curve(transport: Transport, envs: Sequence[Environment], motion: Motion
         megabytes = (fixed + ENTRY_BYTES[width] * cut.entries * share) / 1e6
         # Eight bits reach no smaller error than their rounding: what is asked for beyond changes nothing.
         if not points or megabytes != points[-1].megabytes:
-            points.append(
-                Point(label, tolerance, megabytes, True, *errors(lambda V, cut=cut: cut.multiply(V)[:, real]))
-            )
-    own = errors(lambda V: transport.multiply(V)[:, rows[real]])
+            points.append(Point(label, tolerance, megabytes, True, *errors(partial(_some_rows, cut, real))))
+    own = errors(partial(_some_rows, transport, rows[real]))
     return [*points, Point("this transport", transport.plan.tolerance, transport.nbytes / 1e6, False, *own)]
+
+
+def _some_rows(transport: Transport, rows: NDArray[Any], V: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Products of k lights, of these rows only: (k, rows, 3)."""
+    return transport.multiply(V)[:, rows]
 
 
 def _turning(transport: Transport, env: Environment, motion: Motion) -> NDArray[np.float64]:

@@ -38,7 +38,7 @@ def has_area(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
     longest = np.maximum(np.abs(edge1).max(axis=1), np.abs(edge2).max(axis=1))
     scale = np.where(longest > 0.0, longest, 1.0)[:, None]
     doubled_area = np.abs(np.cross(edge1 / scale, edge2 / scale)).max(axis=1)
-    return doubled_area > 8.0 * np.finfo(np.float64).eps
+    return np.asarray(doubled_area > 8.0 * np.finfo(np.float64).eps)
 
 
 def checked_vertices(vertices: npt.ArrayLike) -> np.ndarray:

@@ -94,8 +94,9 @@ def _check_picture(content: Content, folder: Path, name: str) -> None:
 def _read_mesh(content: Content, folder: Path, data: bytes, kind: str) -> None:
     """Any format through trimesh: per-geometry meshes, placed by the scene graph's transforms."""
     import trimesh
+    from trimesh.resolvers import FilePathResolver
 
-    resolver = trimesh.resolvers.FilePathResolver(str(folder))
+    resolver = FilePathResolver(str(folder))
     with warnings.catch_warnings():
         # numpy only warns, for now, where text that should be numbers is not: without this it would be cut off there.
         warnings.filterwarnings("error", message="string or file could not be read")

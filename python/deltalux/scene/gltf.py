@@ -93,7 +93,8 @@ class _Reader:
     def _roots(self) -> list[int]:
         """The nodes of the default scene; without scenes, all that are nobody's children."""
         if self.tree.get("scenes"):
-            return _item(self.tree["scenes"], self.tree.get("scene", 0), "scene").get("nodes", [])
+            roots: list[int] = _item(self.tree["scenes"], self.tree.get("scene", 0), "scene").get("nodes", [])
+            return roots
         nodes = self.tree.get("nodes", [])
         children = {child for node in nodes for child in node.get("children", [])}
         return [index for index in range(len(nodes)) if index not in children]
@@ -154,7 +155,9 @@ class _Reader:
 
     def _base_colour(self, material: int) -> dict[str, Any]:
         """The reference to a material's base colour texture, empty where it has none."""
-        return self.tree["materials"][material].get("pbrMetallicRoughness", {}).get("baseColorTexture", {})
+        stated = self.tree["materials"][material].get("pbrMetallicRoughness", {})
+        reference: dict[str, Any] = stated.get("baseColorTexture", {})
+        return reference
 
     def _picture(self, reference: dict[str, Any]) -> np.ndarray | None:
         """A texture's linear values; what cannot be read is counted, and the base colour alone is used."""

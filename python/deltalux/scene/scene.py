@@ -194,7 +194,7 @@ class Scene:
         """
         triangles = np.asarray(triangles)
         material = self.material[triangles]
-        albedo = self.albedo[material]
+        albedo: np.ndarray = self.albedo[material]
         for index, texture in enumerate(self.textures):
             here = np.flatnonzero(material == index) if texture is not None and self.uv is not None else ()
             if texture is None or self.uv is None or len(here) == 0:

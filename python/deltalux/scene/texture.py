@@ -17,7 +17,8 @@ def linear_texture(image: Any) -> np.ndarray:
     # IEC 61966-2-1, by table.
     levels = np.arange(256) / 255.0
     table = np.where(levels <= 0.04045, levels / 12.92, ((levels + 0.055) / 1.055) ** 2.4)
-    return table.astype(np.float32)[encoded]
+    linear: np.ndarray = table.astype(np.float32)[encoded]
+    return linear
 
 
 def bilinear(texture: np.ndarray, uv: np.ndarray) -> np.ndarray:
@@ -31,4 +32,4 @@ def bilinear(texture: np.ndarray, uv: np.ndarray) -> np.ndarray:
     above, below = row % height, (row + 1) % height
     upper = (1.0 - fx) * texture[above, left] + fx * texture[above, right]
     lower = (1.0 - fx) * texture[below, left] + fx * texture[below, right]
-    return (1.0 - fy) * upper + fy * lower
+    return np.asarray((1.0 - fy) * upper + fy * lower)

@@ -21,10 +21,12 @@ class ColumnBands(Protocol):
     @property
     def bands(self) -> NDArray[Any]:
         """The band of every column: (columns,) integers from 0 on that never descend."""
+        ...
 
     @property
     def areas(self) -> NDArray[Any]:
         """Texels under the support of every column: (columns,) numbers."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)

@@ -166,9 +166,10 @@ def _along(paths: np.ndarray, where: np.ndarray) -> np.ndarray:
     """Points of paths (n, m, 3) at fractional steps (k,): (n, k, 3)."""
     whole = np.floor(where).astype(np.int64).clip(0, paths.shape[1] - 2)
     part = (where - whole)[:, None]
-    return paths[:, whole] * (1.0 - part) + paths[:, whole + 1] * part
+    return np.asarray(paths[:, whole] * (1.0 - part) + paths[:, whole + 1] * part)
 
 
 def _taper(s: np.ndarray, base: float) -> np.ndarray:
     """The width of a blade along it: `base` at its foot, 1 at its widest, pointed at its tip."""
-    return np.minimum(base + (1.0 - base) * np.sin(np.pi * np.minimum(s, 0.4) / 0.8), 1.0) * (1.0 - s**3)
+    rising = np.minimum(base + (1.0 - base) * np.sin(np.pi * np.minimum(s, 0.4) / 0.8), 1.0)
+    return np.asarray(rising * (1.0 - s**3))

@@ -134,7 +134,7 @@ def arch(
     out = np.cumsum(np.cos(angle) * step, axis=1)
     up = np.cumsum(np.sin(angle) * step, axis=1)
     path = np.stack([out * np.cos(heading)[:, None], up, out * np.sin(heading)[:, None]], axis=-1)
-    return base[:, None, :] + np.concatenate([np.zeros_like(path[:, :1]), path], axis=1)
+    return np.asarray(base[:, None, :] + np.concatenate([np.zeros_like(path[:, :1]), path], axis=1))
 
 
 def leaves(
@@ -151,10 +151,10 @@ def leaves(
 
 def unit(vectors: np.ndarray) -> np.ndarray:
     """Vectors of length 1."""
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
 def _distinct_corners(vertices: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """Which triangles have three different corners: at poles and tips of a grid half of them do not."""
     a, b, c = (vertices[triangles[:, k]] for k in range(3))
-    return (a != b).any(axis=1) & (b != c).any(axis=1) & (c != a).any(axis=1)
+    return np.asarray((a != b).any(axis=1) & (b != c).any(axis=1) & (c != a).any(axis=1))

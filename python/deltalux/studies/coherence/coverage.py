@@ -93,18 +93,19 @@ def _maps(case: Case, sheet: Sheet, sent: dict[str, Sent], moments: list[tuple[i
     )
     size = (3.1 * len(moments) + 0.6, 2.5 * len(_ROWS) + 0.5)
     with sheet.plot(f"coverage-{window}.png", caption, len(_ROWS), len(moments), size) as (figure, axes):
+        images = []
         for line, row in zip(axes, _ROWS, strict=True):
             for panel, (frame, what) in zip(line, moments, strict=True):
                 first = max(frame - window + 1, 1)
                 columns = np.unique(np.concatenate(sent[row.name][first : frame + 1]))
                 levels = cross(covered_levels(case.columns, columns)[..., None].astype(float), -1.0)[..., 0]
                 shown = np.ma.masked_less(levels, 0)
-                image = panel.imshow(shown, cmap="inferno", vmin=0, vmax=bands, interpolation="nearest")
+                images.append(panel.imshow(shown, cmap="inferno", vmin=0, vmax=bands, interpolation="nearest"))
                 panel.set_axis_off()
                 if row is _ROWS[0]:
                     panel.set_title(f"frame {frame}, {what}", fontsize=10)
             line[0].text(-0.04, 0.5, row.name, rotation=90, va="center", ha="right", transform=line[0].transAxes)
-        figure.colorbar(image, ax=axes, label="levels", shrink=0.6)
+        figure.colorbar(images[-1], ax=axes, label="levels", shrink=0.6)
 
 
 def _bars(case: Case, sheet: Sheet, histograms: dict[str, NDArray[np.int64]], moments: list[tuple[int, str]]) -> None:
@@ -181,7 +182,7 @@ def _claims(case: Case, histograms: dict[str, NDArray[np.int64]]) -> list[Verdic
 
 def _shares(table: NDArray[np.int64]) -> NDArray[np.float64]:
     total = table.sum(axis=0)
-    return total / max(int(total.sum()), 1)
+    return np.asarray(total / max(int(total.sum()), 1))
 
 
 def _list(values: NDArray[np.float64]) -> str:

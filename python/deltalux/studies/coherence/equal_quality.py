@@ -64,7 +64,7 @@ def nwa_light_errors(columns: Haar, light: Light) -> NDArray[np.float64]:
     """The area-weighted L1 error of NWA at 1, 2, ... terms: it takes the largest keys, and the rest is its error."""
     keys = np.sort(columns.areas * np.abs(light).sum(axis=1))
     left = np.cumsum(keys)[::-1]
-    return np.append(left[1:], 0.0) / left[0]
+    return np.asarray(np.append(left[1:], 0.0) / left[0])
 
 
 def run(case: Case, sheet: Sheet, progress: Progress) -> None:
