@@ -27,6 +27,7 @@ class Parser(argparse.ArgumentParser):
 def add_command(
     commands: Any, name: str, run: Callable[[argparse.Namespace], None], what: str
 ) -> argparse.ArgumentParser:
+    """A command of this name, with the arguments that every command takes."""
     command: argparse.ArgumentParser = commands.add_parser(name, help=what, description=what.capitalize() + ".")
     command.set_defaults(run=run)
     command.add_argument("--threads", type=read_threads, metavar="N", help="default: all processors")
@@ -34,6 +35,7 @@ def add_command(
 
 
 def add_light(command: argparse.ArgumentParser, several: bool = False, default: str | None = None) -> None:
+    """The arguments of a light: an environment, or several, and how its file is read."""
     names = f"{', '.join(BUILTIN)}, or a .hdr or .exr file"
     names += "; may be given again for more chapters" if several else ""
     names += f"; default: {default}" if default else ""
@@ -44,6 +46,7 @@ def add_light(command: argparse.ArgumentParser, several: bool = False, default: 
 
 
 def add_motion(command: argparse.ArgumentParser, rotate: float, hold: int) -> None:
+    """The arguments of a rotation."""
     eased = f"eased in and out; default: {rotate:g}"
     command.add_argument("--rotate", type=float, metavar="DEGREES", help=eased)
     command.add_argument("--axis", type=read_axis, metavar="x|y|z|X,Y,Z", help="default: y, which is up")
@@ -53,11 +56,13 @@ def add_motion(command: argparse.ArgumentParser, rotate: float, hold: int) -> No
 
 
 def motion_of(chosen: argparse.Namespace) -> Motion:
+    """The rotation that was asked for."""
     rotate, axis = (chosen.turn if chosen.rotate is None else chosen.rotate), chosen.axis or "y"
     return Motion(rotate, chosen.frames, chosen.hold, axis)
 
 
 def read_size(text: str) -> tuple[int, int]:
+    """A size in pixels, such as 512x512."""
     width, by, height = text.partition("x")
     if not (by and width.isdecimal() and height.isdecimal()):
         raise argparse.ArgumentTypeError(f"expected a size like 512x512, got {text!r}")
@@ -65,6 +70,7 @@ def read_size(text: str) -> tuple[int, int]:
 
 
 def read_threads(text: str) -> int:
+    """A number of threads."""
     if not text.isdecimal():
         raise argparse.ArgumentTypeError(f"expected a number of threads, got {text!r}")
     return int(text)
@@ -76,6 +82,7 @@ def _vector(text: str) -> tuple[float, float, float]:
 
 
 def read_axis(text: str) -> str | tuple[float, float, float]:
+    """An axis by its name or by its three numbers."""
     if text in ("x", "y", "z"):
         return text
     try:
@@ -85,6 +92,7 @@ def read_axis(text: str) -> str | tuple[float, float, float]:
 
 
 def read_camera(text: str) -> tuple[tuple[float, float, float], tuple[float, float, float], float]:
+    """Position, target and field of view in degrees."""
     parts = text.split(":")
     try:
         position, target = (_vector(part) for part in parts[:2])
@@ -110,6 +118,7 @@ def scene_of(chosen: argparse.Namespace) -> Scene:
 
 
 def environment_of(name: str, chosen: argparse.Namespace) -> Environment:
+    """A built-in light or a file."""
     if name in BUILTIN:
         return Environment.builtin(name)
     if not Path(name).suffix and not os.path.exists(name):
@@ -118,4 +127,5 @@ def environment_of(name: str, chosen: argparse.Namespace) -> Environment:
 
 
 def say(what: object) -> None:
+    """A line of what the user asked for, on standard output."""
     print(what, flush=True)
