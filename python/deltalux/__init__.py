@@ -3,18 +3,18 @@
 B = M V: M is ray traced once (`precompute`); V, the light, moves; a `Relighter` follows it within a budget a frame.
 """
 
-from . import sequences
 from ._core import FileError, __version__, set_threads, threads
-from .approximation import Approximation, Update
 from .camera import Camera
 from .columns import Haar, SphericalHarmonics
-from .environment import Environment
-from .methods import Full, HarmonicOrder, Incremental, Linear, Nonlinear, PerBand
-from .plan import Plan
-from .precompute import plan, precompute
-from .relight import Frame, Relighter
-from .scene import Scene
-from .transport import Transport
+from .light import sequences
+from .light.environment import Environment
+from .precomputation.run import plan, precompute
+from .relight.relighter import Frame, Relighter
+from .scene.scene import Scene
+from .transport.plan import Plan
+from .transport.transport import Transport
+from .update.approximation import Approximation, Update
+from .update.methods import Full, HarmonicOrder, Incremental, Linear, Nonlinear, PerBand
 
 __all__ = [
     "Approximation",

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-Vector = tuple[float, float, float]
+from .checks import Vector, as_vector, real_array
 
 LARGEST_PICTURE = 16_384
 # Squares of lengths must stay finite in float64, and in what the tracer makes of them after scaling.
@@ -111,20 +111,7 @@ class Camera:
         x = tangent * (2.0 * np.arange(self.width) + 1.0 - self.width) / self.height
         y = tangent * (self.height - 1.0 - 2.0 * np.arange(self.height)) / self.height
         rays = x[None, :, None] * right + y[:, None, None] * up + forward
-        return rays / np.linalg.norm(rays, axis=2, keepdims=True)
-
-
-def real_array(name: str, values: npt.ArrayLike, dtype: npt.DTypeLike) -> np.ndarray:
-    """The values as an array of `dtype`, or a ValueError for ragged lists, text, complex numbers and booleans."""
-    array = np.asarray(values)
-    if array.dtype.kind not in "fiu":
-        raise ValueError(f"{name} must be real numbers, got dtype {array.dtype}")
-    return array.astype(dtype)
-
-
-def as_vector(array: np.ndarray) -> Vector:
-    x, y, z = (float(value) for value in array)
-    return (x, y, z)
+        return np.asarray(rays / np.linalg.norm(rays, axis=2, keepdims=True))
 
 
 def _vector(name: str, values: Sequence[float]) -> Vector:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from deltalux._core import FileError
+from ._core import FileError
 
 _MAX_MEGABYTES = 4096
 """The largest image that is read, decoded."""
@@ -196,3 +196,16 @@ def _writable(target: Path, pixels: NDArray[Any]) -> NDArray[Any]:
     if not np.issubdtype(pixels.dtype, np.floating):
         raise ValueError(f"expected linear radiance in floats for {suffix}, got {pixels.dtype}")
     return np.ascontiguousarray(pixels, np.float32)
+
+
+def auto_exposure(image: NDArray[np.float32]) -> float:
+    """Stops that bring the 97th percentile of what is lit to nine tenths of white."""
+    lit = image.max(axis=-1)
+    lit = lit[lit > 0]
+    return float(np.log2(0.9 / np.percentile(lit, 97))) if lit.size else 0.0
+
+
+def magnification(difference: NDArray[np.float32], exposure: float) -> int:
+    """The power of two, up to 64, that makes a difference of two pictures plain to see."""
+    large = float(np.percentile(np.abs(difference).max(axis=-1), 99)) * 2.0**exposure
+    return int(2 ** np.clip(np.round(np.log2(0.5 / large)), 0, 6)) if large > 0 else 64

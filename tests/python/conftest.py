@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from deltalux import _core
-from deltalux.plan import QUALITIES, Quality
-from deltalux.scene import Scene
+from deltalux.precomputation.quality import QUALITIES, Quality
+from deltalux.scene.scene import Scene
 from hypothesis import settings
 
 # The same examples in every run: a failure is a change of the code, and can be repeated.

@@ -4,9 +4,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from deltalux.approximation import Approximation
 from deltalux.columns import Haar, parse
-from deltalux.methods import Full, HarmonicOrder, Incremental, Linear, Nonlinear, PerBand
+from deltalux.update.approximation import Approximation
+from deltalux.update.methods import Full, HarmonicOrder, Incremental, Linear, Nonlinear, PerBand
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays

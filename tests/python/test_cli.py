@@ -9,8 +9,9 @@ import sys
 import deltalux as dl
 import numpy as np
 import pytest
-from deltalux import cli, io
-from deltalux.sequences import SEQUENCES
+from deltalux import io
+from deltalux.command import cli
+from deltalux.light.sequences import SEQUENCES
 
 
 @pytest.fixture(scope="module")
@@ -246,7 +247,7 @@ def test_ctrl_c_says_that_the_run_resumes(tmp_path, capsys, monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(cli, "precompute", interrupted)
+    monkeypatch.setattr(cli.precompute, "precompute", interrupted)
     assert cli.main(["precompute", "cornell", "-o", str(tmp_path / "x"), "--size", "8x8"]) == 130
     assert "resumes" in capsys.readouterr().err
 

@@ -8,9 +8,9 @@ import numpy as np
 import OpenImageIO
 import pytest
 from deltalux import _core
-from deltalux.environment import Environment
 from deltalux.io import load_image, save_image, to_display
-from deltalux.layouts import face_directions
+from deltalux.light.environment import Environment
+from deltalux.light.layouts import face_directions
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -172,7 +172,7 @@ def test_blends_are_linear():
 def test_coefficients_of_a_frame_are_those_of_its_cubemap(size):
     env = Environment.builtin("sky").rotated(33).mixed(Environment.builtin("studio"), 0.3)
     cubemap = env.cubemap(size)
-    coefficients = _core.environment_coefficients(env._parts, size)
+    coefficients = _core.environment_coefficients(env._layers, size)
     assert coefficients.shape == (6 * size * size, 3) and coefficients.dtype == np.float64
     np.testing.assert_array_equal(coefficients, _core.haar_coefficients(size, cubemap))
     np.testing.assert_allclose(_core.haar_inverse(size, coefficients), cubemap, rtol=1e-6)
@@ -251,7 +251,7 @@ def test_arguments_are_checked(tmp_path):
         lambda: env.radiance([1, 2]),
         lambda: Environment.from_latlong(np.ones((1, 2, 3), complex)),
         lambda: Environment.from_latlong(np.ones((1, 2, 3)), repair="guess"),
-        lambda: _core.environment_coefficients(env._parts, 48),
+        lambda: _core.environment_coefficients(env._layers, 48),
     ):
         with pytest.raises(ValueError, match="expected|must be"):
             call()

@@ -9,10 +9,11 @@ import xml.etree.ElementTree as ElementTree
 import deltalux as dl
 import numpy as np
 import pytest
-from deltalux.motion import Motion
-from deltalux.studies import blocker, study
-from deltalux.studies.flicker import Track
-from deltalux.studies.projection import HarmonicView, harmonics_in_haar
+from deltalux.light.motion import Motion
+from deltalux.studies import study
+from deltalux.studies.harmonics import blocker
+from deltalux.studies.harmonics.flicker import Track
+from deltalux.studies.harmonics.projection import HarmonicView, harmonics_in_haar
 
 
 def table(path):

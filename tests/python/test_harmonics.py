@@ -6,8 +6,8 @@ import pytest
 import scipy.special
 from deltalux import Environment, SphericalHarmonics
 from deltalux.columns import parse
-from deltalux.environment import _rotation
-from deltalux.sequences import texel_directions
+from deltalux.light.layouts import face_directions
+from deltalux.rotation import rotation_matrix
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -40,7 +40,7 @@ def smooth_light(order, seed):
 
 def cubemap(V):
     """The light of coefficients, six faces of 64 x 64: nearly its average over each texel, from four points."""
-    fine = SphericalHarmonics(int(np.sqrt(len(V)))).evaluate(texel_directions()) @ V
+    fine = SphericalHarmonics(int(np.sqrt(len(V)))).evaluate(face_directions(128)) @ V
     return fine.reshape(6, 64, 2, 64, 2, 3).mean(axis=(2, 4))
 
 
@@ -94,7 +94,7 @@ def test_rotation_is_that_of_the_environment(seed, degrees, axis, order):
     columns, V = SphericalHarmonics(order), smooth_light(order, seed)
     turned = columns.rotated(V, degrees, axis)
     d = directions(20, seed)
-    before = columns.evaluate(d @ _rotation(degrees, axis)) @ V
+    before = columns.evaluate(d @ rotation_matrix(degrees, axis)) @ V
     np.testing.assert_allclose(columns.evaluate(d) @ turned, before, atol=1e-12)
 
 

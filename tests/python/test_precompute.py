@@ -16,8 +16,8 @@ import deltalux as dl
 import numpy as np
 import oracles
 import pytest
-from deltalux import _core
-from deltalux.precompute import _TILE_ROWS
+from deltalux.precomputation import run
+from deltalux.transport.entry import TILE_ROWS
 
 # Tiles are of 8192 rows and shards of 4: more than 32768 pixels make two shards.
 SIZE = 192
@@ -43,7 +43,7 @@ def whole(tmp_path_factory):
     """The files of a run that nothing interrupted."""
     path = tmp_path_factory.mktemp("whole") / "room.transport"
     transport = dl.precompute(room(), path, **OPTIONS)
-    assert transport.shape[0] > 4 * _TILE_ROWS, "two shards, or there is nothing to resume"
+    assert transport.shape[0] > 4 * TILE_ROWS, "two shards, or there is nothing to resume"
     return contents(path)
 
 
@@ -173,7 +173,7 @@ def refuse_rays(monkeypatch):
     def ray(*_):
         raise AssertionError("work has begun")
 
-    monkeypatch.setattr(_core, "Scene", ray)
+    monkeypatch.setattr(run, "CoreScene", ray)
 
 
 def test_what_does_not_fit_on_the_disk_is_refused_before_work(tmp_path, monkeypatch):

@@ -7,11 +7,12 @@ from pathlib import Path
 import deltalux as dl
 import numpy as np
 import pytest
-from deltalux import _core, cli
-from deltalux.motion import Motion, ease
-from deltalux.replay import relative_errors
+from deltalux.command import cli
+from deltalux.light.motion import Motion, ease
+from deltalux.pages import machine
+from deltalux.relight.comparison import relative_errors
 from deltalux.report import METHODS, check_report, report
-from deltalux.size_curve import size_curve
+from deltalux.report.size_curve import size_curve
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -113,10 +114,7 @@ def test_bytes_fall_and_errors_rise_with_truncation(demo):
 
 def test_size_curve_without_an_audit_is_empty(demo):
     class Bare:
-        class _core:
-            @staticmethod
-            def audit():
-                return None
+        audit = None
 
     assert size_curve(Bare, [], Motion()) == []
 
@@ -136,7 +134,7 @@ def test_a_report_may_be_written_again_but_not_over_others(demo, tmp_path):
 
 
 def test_a_debug_build_is_refused(monkeypatch, tmp_path, demo):
-    monkeypatch.setattr(_core, "DEBUG_BUILD", True)
+    monkeypatch.setattr(machine, "DEBUG_BUILD", True)
     with pytest.raises(ValueError, match="release build"):
         report(dl.Transport.open(demo / "plant.transport"), dl.Environment.builtin("sky"), tmp_path / "x")
     assert not (tmp_path / "x").exists()

@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from deltalux._core import FileError
-from deltalux.scene import Camera, Scene, first_equal_row
+from deltalux.camera import Camera
+from deltalux.scene.checked import first_equal_row
+from deltalux.scene.scene import Scene
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from deltalux.scene import Camera, Scene
+from deltalux.camera import Camera
+from deltalux.scene.scene import Scene
 
 # Triangles from and to, and materials at least.
 EXPECTED = {"plant": (60_000, 90_000, 10), "cornell": (40, 40, 3), "still-life": (20_000, 80_000, 10),

@@ -5,7 +5,8 @@ import itertools
 import deltalux as dl
 import numpy as np
 import pytest
-from deltalux import Environment, Haar, sequences
+from deltalux import Environment, Haar
+from deltalux.light import sequences
 
 HALL, STUDIO = Environment.builtin("hall"), Environment.builtin("studio")
 
@@ -92,7 +93,7 @@ def test_the_sun_rises_and_sets():
 
 
 def test_the_sun_of_the_built_in_sky_is_where_it_was():
-    from deltalux import skies
+    from deltalux.light import skies
 
     sky = skies.sky()
     row, column = np.unravel_index(sky.sum(axis=-1).argmax(), sky.shape[:2])

@@ -10,19 +10,19 @@ from types import SimpleNamespace
 import deltalux as dl
 import numpy as np
 import pytest
-from deltalux import cli
-from deltalux.methods import Full, Incremental, Nonlinear, PerBand
-from deltalux.motion import Motion
-from deltalux.replay import Row
+from deltalux.command import cli
+from deltalux.light.motion import Motion
+from deltalux.relight.entrants import Entrant
 from deltalux.studies import STUDIES, check_study, study
 from deltalux.studies.case import follow, light_errors, lights
-from deltalux.studies.coverage import covered_levels
-from deltalux.studies.energy import spatio_temporal, temporal_haar
-from deltalux.studies.equal_quality import nwa_light_errors, terms_for
-from deltalux.studies.ghosts import cubemap_ghosts, image_ghosts
+from deltalux.studies.coherence.coverage import covered_levels
+from deltalux.studies.coherence.energy import spatio_temporal, temporal_haar
+from deltalux.studies.coherence.equal_quality import nwa_light_errors, terms_for
+from deltalux.studies.coherence.ghosts import cubemap_ghosts, image_ghosts
+from deltalux.studies.coherence.plane import Candidate, best_within, candidates, measure
+from deltalux.studies.coherence.reset_raster import rasters
 from deltalux.studies.pictures import cross
-from deltalux.studies.plane import Candidate, best_within, candidates, measure
-from deltalux.studies.reset_raster import rasters
+from deltalux.update.methods import Full, Incremental, Nonlinear, PerBand
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -174,7 +174,7 @@ def test_nwa_errors_of_all_budgets_from_one_sort():
     errors = nwa_light_errors(columns, light)
     assert len(errors) == columns.columns and errors[-1] == 0
     for terms in (1, 2, 30, 200, columns.columns):
-        (moment,) = follow(columns, Row("NWA", "NWA", Nonlinear(terms), None), [light])
+        (moment,) = follow(columns, Entrant("NWA", "NWA", Nonlinear(terms), None), [light])
         assert errors[terms - 1] == pytest.approx(light_errors(columns, moment.values, light)[0], abs=1e-12)
 
 
@@ -222,7 +222,7 @@ def test_resets_as_printed_are_those_that_were_made(seed, terms):
     """Of the bands that the printed test resets, the follower lists those that held something."""
     columns, random = dl.Haar(8), np.random.default_rng(seed)
     path = np.cumsum(random.normal(size=(6, columns.columns, 3)), axis=0)
-    row = Row("PBI", "PBI", PerBand(terms))
+    row = Entrant("PBI", "PBI", PerBand(terms))
     printed, held = rasters(columns, row, list(path))
     moments = list(follow(columns, row, list(path)))
     for k, moment in enumerate(moments):
@@ -265,9 +265,9 @@ def test_figures_of_section_d(name):
         pytest.skip("needs the map of Grace Cathedral")
     env = HALL if name == "hall" else dl.Environment.load(GRACE)
     columns = dl.Haar(64)
-    rows = [Row(f"NWA-{n}", "NWA", Nonlinear(n), None) for n in (30, 100, 500)]
-    rows += [Row("BI-30", "BI", Incremental(30)), Row("PBI-30", "PBI", PerBand(30))]
-    tests = [Row(test, "PBI", PerBand(30, test=test)) for test in ("dealer", "exhaustive")]
+    rows = [Entrant(f"NWA-{n}", "NWA", Nonlinear(n), None) for n in (30, 100, 500)]
+    rows += [Entrant("BI-30", "BI", Incremental(30)), Entrant("PBI-30", "PBI", PerBand(30))]
+    tests = [Entrant(test, "PBI", PerBand(30, test=test)) for test in ("dealer", "exhaustive")]
     resets = {}
     for degrees, spreads in SECTION_D.items():
         motion = Motion(degrees)
@@ -304,7 +304,7 @@ def test_the_histogram_of_what_is_sent(name):
     columns = dl.Haar(64)
     sent = {}
     for weight in ("area", "root-area", "none"):
-        row = Row(weight, "NWA", Nonlinear(30, weight=weight), None)
+        row = Entrant(weight, "NWA", Nonlinear(30, weight=weight), None)
         frames = lights(env, Motion(45.0, 20, 0), columns)
         chosen = np.concatenate([moment.update.columns for moment in follow(columns, row, frames)])
         sent[weight] = 30 * np.bincount(columns.bands[chosen], minlength=6) / len(chosen)
@@ -317,5 +317,5 @@ def test_an_exact_method_has_no_error():
     columns = dl.Haar(8)
     frames = lights(HALL, SHORT, columns)
     assert len(frames) == 16 and frames[-1] is frames[SHORT.stop]
-    for moment, light in zip(follow(columns, Row("exact", "exact", Full()), frames), frames, strict=True):
+    for moment, light in zip(follow(columns, Entrant("exact", "exact", Full()), frames), frames, strict=True):
         assert light_errors(columns, moment.values, light) == (0.0, 0.0)

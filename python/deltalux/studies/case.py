@@ -9,12 +9,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..approximation import Approximation, Update
 from ..columns import Columns, Haar
-from ..environment import Environment
-from ..motion import Motion
-from ..replay import Row
-from ..transport import Transport
+from ..light.environment import Environment
+from ..light.motion import Motion
+from ..relight.entrants import Entrant
+from ..transport.transport import Transport
+from ..update.approximation import Approximation, Update
 
 __all__ = ["Case", "Light", "Moment", "band_starts", "follow", "light_errors", "lights"]
 
@@ -54,7 +54,7 @@ def lights(env: Environment, motion: Motion, columns: Columns) -> list[Light]:
     return frames
 
 
-def follow(columns: Columns, row: Row, frames: Sequence[Light]) -> Iterator[Moment]:
+def follow(columns: Columns, row: Entrant, frames: Sequence[Light]) -> Iterator[Moment]:
     """A method behind a moving light; those that start full hold the first frame's light exactly."""
     approximation = Approximation(columns, row.method, frames[0] if row.initial == "full" else None)
     values = approximation.values

@@ -7,11 +7,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from ..machine import machine
 from ..output import write_csv
-from ..page import Page, figure, table
-from ..plotting import drawing
-from ..verdicts import Verdict
+from ..pages.machine import machine
+from ..pages.page import Page, figure, table
+from ..pages.plotting import drawing
+from ..pages.verdict import Verdict
 
 __all__ = ["Sheet"]
 

@@ -1,0 +1,99 @@
+"""Haar wavelets on a cubemap."""
+
+from __future__ import annotations
+
+import operator
+from dataclasses import dataclass
+from functools import cache, cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._core import column_bands
+from ..checks import read_only
+
+if TYPE_CHECKING:
+    from ..light.environment import Environment
+
+
+@dataclass(frozen=True)
+class Haar:
+    """2D Haar wavelets on the six faces of a cubemap, orthonormal on the sphere.
+
+    Columns are numbered band by band, coarse to fine. Band 0 holds the scaling functions and the coarsest wavelets.
+
+    Parameters
+    ----------
+    size
+        Texels along an edge of a face: a power of two, at most 512.
+
+    Raises
+    ------
+    ValueError
+        If the size is not such a number.
+    """
+
+    size: int
+
+    def __post_init__(self) -> None:
+        try:
+            object.__setattr__(self, "size", operator.index(self.size))
+        except TypeError:
+            raise ValueError(f"a Haar cubemap face must be a whole number of texels wide, got {self.size!r}") from None
+        if self.size < 1:
+            raise ValueError(f"a Haar cubemap face must be at least 1 texel wide, got {self.size}")
+        column_bands(str(self))
+
+    def __str__(self) -> str:
+        return f"haar:{self.size}"
+
+    @property
+    def columns(self) -> int:
+        """How many columns there are: 6 size^2."""
+        return 6 * self.size**2
+
+    @property
+    def face(self) -> int:
+        """Texels along a face of the cubemap that receivers look at: the size."""
+        return self.size
+
+    # Properties, and the cache beside them: a type checker does not take a `cached_property` for a property, which is
+    # what `Approximation` asks of columns.
+
+    @property
+    def bands(self) -> NDArray[np.intp]:
+        """The band of every column, 0 the coarsest: (columns,), ascending, read-only."""
+        return _bands_and_areas(self.size)[0]
+
+    @property
+    def areas(self) -> NDArray[np.float64]:
+        """Texels under the support of every column: (columns,) float64, read-only."""
+        return _bands_and_areas(self.size)[1]
+
+    @cached_property
+    def band_names(self) -> tuple[str, ...]:
+        """Each band by the texels under its wavelets, as the papers name them; coarse to fine."""
+        return tuple(f"{(self.size >> band) ** 2:,}" for band in range(int(self.bands[-1]) + 1))
+
+    @property
+    def band_label(self) -> str:
+        """What the names of bands are, as the label of an axis."""
+        return "Texels under a wavelet"
+
+    def coefficients(self, env: Environment) -> NDArray[np.float64]:
+        """V: what the environment's radiance is in these columns.
+
+        Returns
+        -------
+        (columns, 3) float64
+            The integral over the sphere of radiance times the orthonormal wavelet; its square sums to the integral of
+            the squared radiance.
+        """
+        return env._haar(self.size)
+
+
+@cache
+def _bands_and_areas(size: int) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    starts, areas = column_bands(f"haar:{size}")
+    return read_only(np.repeat(np.arange(len(starts) - 1), np.diff(starts))), read_only(areas)

@@ -1,0 +1,25 @@
+"""Columns by their names, as files and the command line hold them."""
+
+from __future__ import annotations
+
+from .haar import Haar
+from .harmonics import SphericalHarmonics
+
+__all__ = ["Columns", "Haar", "SphericalHarmonics", "parse"]
+
+
+Columns = Haar | SphericalHarmonics
+
+
+def parse(text: str) -> Columns:
+    """Reads what ``str(columns)`` writes, such as ``"haar:64"`` or ``"sh:20"``.
+
+    Raises
+    ------
+    ValueError
+        If the text names no columns.
+    """
+    kind, _, number = text.partition(":")
+    if kind not in ("haar", "sh") or not (number.isascii() and number.isdigit()):
+        raise ValueError(f'expected columns like "haar:64" or "sh:20", got {text!r}')
+    return Haar(int(number)) if kind == "haar" else SphericalHarmonics(int(number))

@@ -1,0 +1,1 @@
+"""The command line: arguments become settings, settings become calls; nothing is computed here."""

@@ -1,0 +1,131 @@
+"""Arguments that several commands share: how they are read, and what they are turned into."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NoReturn
+
+from ..camera import Camera
+from ..light.environment import Environment
+from ..light.layouts import LAYOUTS
+from ..light.motion import Motion
+from ..light.skies import BUILTIN
+from ..scene.builtin.catalogue import SCENES
+from ..scene.scene import Scene
+
+
+class Parser(argparse.ArgumentParser):
+    """Errors in arguments look like all others."""
+
+    def error(self, message: str) -> NoReturn:
+        raise ValueError(f"{message} ({self.prog} --help says more)")
+
+
+def add_command(
+    commands: Any, name: str, run: Callable[[argparse.Namespace], None], what: str
+) -> argparse.ArgumentParser:
+    """A command of this name, with the arguments that every command takes."""
+    command: argparse.ArgumentParser = commands.add_parser(name, help=what, description=what.capitalize() + ".")
+    command.set_defaults(run=run)
+    command.add_argument("--threads", type=read_threads, metavar="N", help="default: all processors")
+    return command
+
+
+def add_light(command: argparse.ArgumentParser, several: bool = False, default: str | None = None) -> None:
+    """The arguments of a light: an environment, or several, and how its file is read."""
+    names = f"{', '.join(BUILTIN)}, or a .hdr or .exr file"
+    names += "; may be given again for more chapters" if several else ""
+    names += f"; default: {default}" if default else ""
+    action = "append" if several else "store"
+    command.add_argument("--env", action=action, metavar="ENV", help=names, required=several and default is None)
+    command.add_argument("--layout", choices=LAYOUTS, help="of the file; default: recognised")
+    command.add_argument("--repair", choices=("zero",), help="make NaN and infinite pixels black")
+
+
+def add_motion(command: argparse.ArgumentParser, rotate: float, hold: int) -> None:
+    """The arguments of a rotation."""
+    eased = f"eased in and out; default: {rotate:g}"
+    command.add_argument("--rotate", type=float, metavar="DEGREES", help=eased)
+    command.add_argument("--axis", type=read_axis, metavar="x|y|z|X,Y,Z", help="default: y, which is up")
+    command.add_argument("--frames", type=int, default=100, help="default: %(default)s")
+    command.add_argument("--hold", type=int, default=hold, help="frames of standing still; default: %(default)s")
+    command.set_defaults(turn=rotate)
+
+
+def motion_of(chosen: argparse.Namespace) -> Motion:
+    """The rotation that was asked for."""
+    rotate, axis = (chosen.turn if chosen.rotate is None else chosen.rotate), chosen.axis or "y"
+    return Motion(rotate, chosen.frames, chosen.hold, axis)
+
+
+def read_size(text: str) -> tuple[int, int]:
+    """A size in pixels, such as 512x512."""
+    width, by, height = text.partition("x")
+    if not (by and width.isdecimal() and height.isdecimal()):
+        raise argparse.ArgumentTypeError(f"expected a size like 512x512, got {text!r}")
+    return int(width), int(height)
+
+
+def read_threads(text: str) -> int:
+    """A number of threads."""
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"expected a number of threads, got {text!r}")
+    return int(text)
+
+
+def _vector(text: str) -> tuple[float, float, float]:
+    x, y, z = (float(part) for part in text.split(","))
+    return x, y, z
+
+
+def read_axis(text: str) -> str | tuple[float, float, float]:
+    """An axis by its name or by its three numbers."""
+    if text in ("x", "y", "z"):
+        return text
+    try:
+        return _vector(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected x, y, z or three numbers like 0,1,0, got {text!r}") from None
+
+
+def read_camera(text: str) -> tuple[tuple[float, float, float], tuple[float, float, float], float]:
+    """Position, target and field of view in degrees."""
+    parts = text.split(":")
+    try:
+        position, target = (_vector(part) for part in parts[:2])
+        (fov,) = (float(part) for part in parts[2:]) if len(parts) > 2 else (40.0,)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected a camera like 0,1,5:0,1,0:40, got {text!r}") from None
+    return position, target, fov
+
+
+def scene_of(chosen: argparse.Namespace) -> Scene:
+    """A built-in scene or a file, seen as asked."""
+    name = chosen.scene
+    if name not in SCENES and not Path(name).suffix and not os.path.exists(name):
+        raise ValueError(f"expected a scene of {', '.join(SCENES)}, or a file, got {name!r}")
+    camera = None
+    if chosen.camera is not None:
+        position, target, fov = chosen.camera
+        camera = Camera(position, target, vertical_fov=fov)
+    if chosen.size is not None and camera is not None:
+        camera = camera.resized(*chosen.size)
+    scene = Scene.builtin(name, camera) if name in SCENES else Scene.load(name, camera)
+    return scene if chosen.size is None else scene.with_camera(scene.camera.resized(*chosen.size))
+
+
+def environment_of(name: str, chosen: argparse.Namespace) -> Environment:
+    """A built-in light or a file."""
+    if name in BUILTIN:
+        return Environment.builtin(name)
+    if not Path(name).suffix and not os.path.exists(name):
+        raise ValueError(f"expected an environment of {', '.join(BUILTIN)}, or a file, got {name!r}")
+    return Environment.load(name, layout=chosen.layout, repair=chosen.repair)
+
+
+def say(what: object) -> None:
+    """A line of what the user asked for, on standard output."""
+    print(what, flush=True)

@@ -1,0 +1,62 @@
+"""`deltalux precompute`, which makes a transport of a scene, and `deltalux info`, which says what one holds."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from ..precomputation.quality import QUALITIES
+from ..precomputation.run import plan, precompute
+from ..scene.builtin.catalogue import SCENES
+from ..transport.transport import Transport
+from .arguments import add_command, read_camera, read_size, say, scene_of
+
+_RESUME = "stopped; the same command resumes where it left off"
+
+
+def add(commands: Any) -> None:
+    """Both commands and their arguments."""
+    command = add_command(commands, "precompute", _precompute, "trace the light transport of a scene")
+    command.set_defaults(when_stopped=_RESUME)
+    command.add_argument(
+        "scene", metavar="SCENE", help=f"{', '.join(SCENES)}, or a .glb, .gltf, .obj, .ply or .stl file"
+    )
+    command.add_argument("-o", "--output", metavar="FILE", help="directory to make, by custom NAME.transport")
+    command.add_argument("--size", type=read_size, metavar="WxH", help="pixels; default: the scene's own camera")
+    command.add_argument(
+        "--columns", default="haar:64", metavar="haar:N|sh:N", help="basis of the light; default: %(default)s"
+    )
+    command.add_argument(
+        "--camera", type=read_camera, metavar="PX,PY,PZ:TX,TY,TZ[:FOV]", help="position, target, degrees"
+    )
+    command.add_argument("--quality", choices=QUALITIES, default="publication", help="default: %(default)s")
+    command.add_argument("--tolerance", type=float, help="relative error of the image from truncation, such as 0.01")
+    command.add_argument("--plan", action="store_true", help="only say what would be computed and what it would cost")
+
+    command = add_command(commands, "info", _info, "what a transport holds")
+    command.add_argument("transport", metavar="TRANSPORT")
+
+
+def _precompute(chosen: argparse.Namespace) -> None:
+    if chosen.output is None and not chosen.plan:
+        raise ValueError("expected -o FILE, the transport to write, or --plan")
+    scene = scene_of(chosen)
+    settings = {"columns": chosen.columns, "quality": chosen.quality, "tolerance": chosen.tolerance}
+    say(plan(scene, **settings))
+    if chosen.output is not None and not chosen.plan:
+        say(precompute(scene, chosen.output, **settings))
+        say(f"{chosen.output} is ready")
+
+
+def _info(chosen: argparse.Namespace) -> None:
+    transport = Transport.open(chosen.transport)
+    say(transport)
+    say(transport.plan)
+    columns, size = transport.columns, transport.column_bytes
+    label = columns.band_label.lower()
+    say(f"  {'band':>4} {'columns':>8} {label:>22} {'MB':>9}")
+    for band, name in enumerate(columns.band_names):
+        own = columns.bands == band
+        say(f"  {band:>4} {own.sum():>8,} {name:>22} {size[own].sum() / 1e6:>9,.2f}")
+    for name, length in transport.files:
+        say(f"  {name}: {length:,} bytes")

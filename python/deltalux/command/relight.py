@@ -1,0 +1,83 @@
+"""`deltalux relight`: frames of a transport under a moving light."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from typing import Any
+
+from ..light.environment import Environment
+from ..light.sequences import SEQUENCES, make
+from ..relight.film import FORMATS, Film, check_frames, relight_frames
+from ..transport.transport import Transport
+from ..update.methods import WEIGHTS, Full, HarmonicOrder, Incremental, Linear, Method, Nonlinear, PerBand
+from .arguments import add_command, add_light, add_motion, environment_of, motion_of, say
+
+_METHODS: dict[str, Callable[..., Method]] = {
+    "nwa": Nonlinear,
+    "bi": Incremental,
+    "pbi": PerBand,
+    "linear": Linear,
+    "harmonic-order": HarmonicOrder,
+}
+
+
+def add(commands: Any) -> None:
+    """The command and its arguments."""
+    command = add_command(commands, "relight", _relight, "frames of a transport under a moving light")
+    command.add_argument("transport", metavar="TRANSPORT")
+    add_light(command)
+    command.add_argument("--sequence", choices=SEQUENCES, default="rotation", help="default: %(default)s")
+    command.add_argument("--other", metavar="ENV", help="what --sequence interpolation ends with; default: hall")
+    add_motion(command, rotate=180.0, hold=0)
+    command.add_argument("--method", choices=("full", *_METHODS), default="pbi", help="default: %(default)s")
+    budget = command.add_mutually_exclusive_group()
+    budget.add_argument("--terms", type=int, help="columns a frame; default: 30")
+    budget.add_argument("--milliseconds", type=float, metavar="MS", help="time a frame, instead of --terms")
+    budget.add_argument("--error", type=float, metavar="RADIANCE", help="bound on the error, instead of --terms")
+    command.add_argument("--weight", choices=WEIGHTS, help="what a change is worth; default: the method's own, area")
+    command.add_argument("--exposure", type=float, metavar="STOPS", help="of the PNGs; default: chosen by the light")
+    command.add_argument("--format", choices=FORMATS, default="png", help="default: %(default)s")
+    command.add_argument("-o", "--output", required=True, metavar="FOLDER")
+
+
+def _relight(chosen: argparse.Namespace) -> None:
+    method, film = _method(chosen), _film(chosen)
+    transport = Transport.open(chosen.transport)
+    check_frames(chosen.output, film, chosen.format)
+    chosen.when_stopped = f"stopped; the frames so far are in {chosen.output}"
+    say(relight_frames(transport, film, chosen.output, method, exposure=chosen.exposure, kind=chosen.format))
+
+
+def _film(chosen: argparse.Namespace) -> Film:
+    """The frames of a sequence; what belongs to another sequence is refused."""
+    name = chosen.sequence
+    for option, home in (("rotate", "rotation"), ("axis", "rotation"), ("other", "interpolation")):
+        if getattr(chosen, option) is not None and name != home:
+            raise ValueError(f"expected --{option} with --sequence {home} only, got --sequence {name}")
+    if name == "sunrise":
+        if chosen.env is not None or chosen.hold:
+            raise ValueError("expected no --env and no --hold with --sequence sunrise, which makes a sky of its own")
+        sky = Environment.builtin("sky")
+        _, noon, _ = make(name, sky, 3)
+        return Film(make(name, sky, chosen.frames), chosen.frames, noon)
+    if chosen.env is None:
+        raise ValueError(f"expected --env ENV, the light, with --sequence {name}")
+    env = environment_of(chosen.env, chosen)
+    if name == "rotation":
+        motion = motion_of(chosen)
+        return Film((motion.light(env, k) for k in range(len(motion.angles))), len(motion.angles), env, motion.angles)
+    options = {"other": environment_of(chosen.other, chosen)} if chosen.other is not None else {}
+    return Film(make(name, env, chosen.frames, hold=chosen.hold, **options), chosen.frames + chosen.hold, env)
+
+
+def _method(chosen: argparse.Namespace) -> Method:
+    budgets = {name: getattr(chosen, name) for name in ("terms", "milliseconds", "error")}
+    given = {name: value for name, value in budgets.items() if value is not None}
+    if chosen.method == "full":
+        if given:
+            raise ValueError(f"expected no --{next(iter(given))} with --method full, which sends all that differs")
+        return Full()
+    weight = {} if chosen.weight is None else {"weight": chosen.weight}
+    # Harmonic order has a number of terms of its own, which another budget takes the place of.
+    return _METHODS[chosen.method](**{"terms": None, **(given or {"terms": 30})}, **weight)

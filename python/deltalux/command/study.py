@@ -1,0 +1,64 @@
+"""`deltalux study`: what the papers claim of moving light and of the methods, measured."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+from typing import Any
+
+from ..columns import Haar, parse
+from ..output import check_folder
+from ..precomputation.run import precompute
+from ..scene.builtin.catalogue import SCENES
+from ..studies import STUDIES, check_study, study
+from ..transport.transport import Transport
+from .arguments import add_command, add_light, add_motion, environment_of, motion_of, read_size, say, scene_of
+
+_STUDY_LIGHT = "hall"
+
+
+def add(commands: Any) -> None:
+    """The command and its arguments."""
+    command = add_command(
+        commands, "study", _study, "what the papers claim of moving light and of the methods, measured"
+    )
+    command.set_defaults(when_stopped="stopped; transports so far resume when the same command runs again")
+    command.add_argument("study", choices=STUDIES, metavar="NAME", help=", ".join(STUDIES))
+    add_light(command, several=True, default=_STUDY_LIGHT)
+    scenes = f"{', '.join(SCENES)}, a file, or a transport; may be given again; default: none, the light alone"
+    command.add_argument("--scene", action="append", default=[], metavar="SCENE", help=scenes)
+    command.add_argument(
+        "--size", type=read_size, default=(128, 128), metavar="WxH", help="of scenes; default: 128x128"
+    )
+    command.add_argument("--columns", default="haar:64", metavar="haar:N", help="default: %(default)s")
+    add_motion(command, rotate=45.0, hold=25)
+    command.add_argument("-o", "--output", metavar="FOLDER", help="default: deltalux-study-NAME")
+
+
+def _study(chosen: argparse.Namespace) -> None:
+    """One study; scenes that are not transports yet are traced into its folder first."""
+    name, motion = chosen.study, motion_of(chosen)
+    folder = Path(chosen.output or f"deltalux-study-{name}")
+    envs = [environment_of(env, chosen) for env in chosen.env or [_STUDY_LIGHT]]
+    columns = parse(chosen.columns)
+    if not isinstance(columns, Haar):
+        raise ValueError(f"studies follow wavelets: expected --columns haar:N, got {columns}")
+    if STUDIES[name].needs_scene and not chosen.scene:
+        raise ValueError(f"the study {name} looks at pictures: expected --scene SCENE")
+    if not chosen.scene:
+        check_study(name, folder, envs, motion=motion, columns=columns)
+    check_folder(folder)
+    transports = [_study_transport(scene, chosen, folder) for scene in chosen.scene]
+    page = study(name, folder, envs, transports, motion=motion, columns=columns)
+    say(f"{page.parent.absolute()} holds the study; open {page.absolute()} in a browser")
+
+
+def _study_transport(name: str, chosen: argparse.Namespace, folder: Path) -> Transport:
+    """A transport as it is; a scene traced with one ray a texel, truncated to one percent."""
+    if name not in SCENES and os.path.isdir(name):
+        return Transport.open(name)
+    chosen.scene, chosen.camera = name, None
+    path = folder / f"{Path(name).stem}.transport"
+    folder.mkdir(parents=True, exist_ok=True)
+    return precompute(scene_of(chosen), path, columns=chosen.columns, quality="preview", tolerance=0.01)

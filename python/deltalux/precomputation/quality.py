@@ -1,0 +1,35 @@
+"""Quality: how closely M is computed, in presets named by outcome."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Quality:
+    """How closely M is computed and how much of it is kept.
+
+    Attributes
+    ----------
+    edges
+        Whether pixels that show several surfaces become several receivers.
+    edge_side
+        A texel that an edge runs through takes edge_side x edge_side rays; 0 lets its centre speak for it.
+    tolerance
+        Relative L2 error of the image that truncation may cause, under light with the spectrum of natural scenes.
+    width
+        Integers of 8 or 16 bits.
+    """
+
+    edges: bool
+    edge_side: int
+    tolerance: float
+    width: str
+
+
+QUALITIES = {
+    "preview": Quality(edges=False, edge_side=0, tolerance=0.05, width="i8"),
+    "publication": Quality(edges=True, edge_side=3, tolerance=0.012, width="i8"),
+    "lossless": Quality(edges=True, edge_side=4, tolerance=0.0, width="i16"),
+}
+"""Presets by outcome; `lossless` keeps every coefficient above 2^-24."""

@@ -1,0 +1,1 @@
+"""The built-in scenes, and the shapes that they are made of."""

@@ -1,0 +1,26 @@
+"""The built-in scenes: procedural, deterministic, in colours of everyday things; each with a camera of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from ..content import Content
+from .cornell import cornell
+from .plant import plant
+from .still_life import still_life
+from .street import street
+
+
+def build(name: str) -> Content:
+    """The built-in scene of this name."""
+    if name not in SCENES:
+        raise ValueError(f"there is no built-in scene {name!r}; expected one of {', '.join(SCENES)}")
+    return SCENES[name]()
+
+
+SCENES: dict[str, Callable[[], Content]] = {
+    "plant": plant,
+    "cornell": cornell,
+    "still-life": still_life,
+    "street": street,
+}

@@ -1,0 +1,265 @@
+"""What is looked at, and from where: triangles, diffuse materials and a camera, all immutable.
+
+A `Scene` is made by `Scene.load`, `Scene.builtin` or `Scene.from_arrays`, which validate: what cannot be right is
+refused with a `ValueError`; what is merely untidy (triangles without area, the same triangle twice) is put right and
+counted in `Scene.counts`, so that the plan can report it. Surfaces are two-sided: the winding does not matter.
+
+Right-handed, +Y up, lengths in any unit; albedos are linear, in [0, 1].
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from ..camera import Camera
+from ..checks import real_array
+from . import files
+from .builtin import catalogue
+from .checked import (
+    check_corners,
+    checked_albedo,
+    checked_triangles,
+    checked_vertices,
+    first_equal_row,
+    frozen,
+    has_area,
+)
+from .content import Content, Piece
+from .texture import bilinear
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """Triangles with diffuse materials, and a camera. Made by `load`, `builtin` or `from_arrays`, not by hand.
+
+    Attributes
+    ----------
+    vertices : (v, 3) float64
+    triangles : (t, 3) uint32
+        Corners; every triangle has an area and occurs once.
+    material : (t,) uint32
+        For each triangle its row of `albedo`.
+    albedo : (m, 3) float32
+        Linear diffuse reflectance, in [0, 1].
+    camera : Camera
+    textures : m entries, each (h, w, 3) float32 or None
+        Linear factor of the material's albedo; row 0 is the top. A scene without textures has None in all places.
+    uv : (v, 2) float32 or None
+        Texture coordinates, origin at the lower left, repeating.
+    name : str
+    counts : mapping of str to int
+        What was found and put right: degenerate and duplicate triangles, textures ignored and so on.
+    warnings : tuple of str
+        A sentence for everything that a file asked for and the scene leaves out.
+    """
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+    material: np.ndarray
+    albedo: np.ndarray
+    camera: Camera
+    textures: tuple[np.ndarray | None, ...] = ()
+    uv: np.ndarray | None = None
+    name: str = "scene"
+    counts: Mapping[str, int] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str], camera: Camera | None = None) -> Scene:
+        """Read a .glb, .gltf, .obj, .ply or .stl file.
+
+        Parameters
+        ----------
+        path : path
+        camera : Camera, optional
+            Otherwise the file's own (glTF), or one that frames everything.
+
+        Raises
+        ------
+        FileNotFoundError, OSError
+            If the file cannot be read.
+        FileError
+            A `ValueError`: the file is broken, of an unknown kind, or has no triangles.
+        """
+        content = files.read(path)
+        with files.blaming(path):
+            return cls.from_content(content, camera)
+
+    @classmethod
+    def builtin(cls, name: str, camera: Camera | None = None) -> Scene:
+        """One of the built-in scenes: "plant", "cornell", "still-life" or "street"; ValueError for another name."""
+        return cls.from_content(catalogue.build(name), camera)
+
+    @classmethod
+    def from_content(cls, content: Content, camera: Camera | None = None) -> Scene:
+        """What a source handed over, as one list of triangles, seen by its own camera unless one is given."""
+        pieces = content.pieces
+        offsets = np.cumsum([0] + [len(piece.vertices) for piece in pieces])
+        uv = np.concatenate([np.zeros((len(piece.vertices), 2)) if piece.uv is None else piece.uv for piece in pieces])
+        albedo = np.array(content.albedo)
+        mended = Counter(
+            {
+                "texture coordinates not finite": int(np.count_nonzero(~np.isfinite(uv))),
+                "albedos clipped to [0, 1]": int(np.count_nonzero((albedo < 0.0) | (albedo > 1.0))),
+            }
+        )
+        corners = [_own_corners(piece) + start for piece, start in zip(pieces, offsets, strict=False)]
+        return _assemble(
+            np.concatenate([piece.vertices for piece in pieces]),
+            np.concatenate(corners),
+            np.repeat([piece.material for piece in pieces], [len(own) for own in corners]),
+            albedo.clip(0.0, 1.0),
+            textures=content.textures,
+            uv=np.where(np.isfinite(uv), uv, 0.0),
+            camera=camera or content.camera,
+            name=content.name,
+            # A sum of counters leaves out what was not found.
+            counts=content.counts + mended,
+            warnings=content.warnings,
+        )
+
+    @classmethod
+    def from_arrays(
+        cls,
+        vertices: npt.ArrayLike,
+        triangles: npt.ArrayLike,
+        albedo: npt.ArrayLike = (0.5, 0.5, 0.5),
+        camera: Camera | None = None,
+        *,
+        name: str = "arrays",
+    ) -> Scene:
+        """A scene from plain arrays.
+
+        Parameters
+        ----------
+        vertices : (v, 3) real
+        triangles : (t, 3) integer
+            Corners, counted from 0; either winding.
+        albedo : (3,) or (t, 3) real
+            Linear reflectance in [0, 1], for the whole scene or for each triangle.
+        camera : Camera, optional
+            Otherwise one that frames everything.
+
+        Raises
+        ------
+        ValueError
+            For arrays of a wrong shape or kind, no triangles, values that are not finite, or corners or albedos out
+            of range.
+        """
+        corners = checked_triangles(triangles)
+        colours = real_array("albedo", albedo, np.float64)
+        if colours.shape not in ((3,), corners.shape):
+            raise ValueError(f"albedo must have shape (3,) or {corners.shape}, one per triangle, got {colours.shape}")
+        # Equal albedos are one material, so that a pixel that shows many triangles of a colour is one receiver.
+        rows = np.broadcast_to(colours.astype(np.float32), (1, 3) if colours.ndim == 1 else corners.shape)
+        first = first_equal_row(rows)
+        distinct, of_row = np.unique(first, return_inverse=True)
+        material = np.broadcast_to(of_row, len(corners))
+        return _assemble(vertices, corners, material, rows[distinct], camera=camera, name=name)
+
+    def with_camera(self, camera: Camera) -> Scene:
+        """The same scene seen by another camera; arrays are shared."""
+        return replace(self, camera=camera)
+
+    def content_hash(self) -> str:
+        """A digest (64 hexadecimal digits) of all that transport depends on: geometry, materials and camera."""
+        digest = hashlib.blake2b(digest_size=32)
+        arrays = [self.vertices, self.triangles, self.material, self.albedo, self.uv, *self.textures]
+        for array in arrays:
+            digest.update(b"none;" if array is None else f"{array.dtype.str}{array.shape};".encode())
+            if array is not None:
+                digest.update(np.ascontiguousarray(array).data)
+        digest.update(repr(self.camera).encode())
+        return digest.hexdigest()
+
+    def albedo_at(self, triangles: npt.ArrayLike, barycentrics: npt.ArrayLike) -> np.ndarray:
+        """Linear albedo at surface points, textures included (bilinear, repeating).
+
+        Parameters
+        ----------
+        triangles : (k,) integer
+        barycentrics : (k, 2) real
+            Weights (b1, b2) of the second and third corner: the point is (1 - b1 - b2) p0 + b1 p1 + b2 p2.
+
+        Returns
+        -------
+        (k, 3) float32
+        """
+        triangles = np.asarray(triangles)
+        material = self.material[triangles]
+        albedo: np.ndarray = self.albedo[material]
+        for index, texture in enumerate(self.textures):
+            here = np.flatnonzero(material == index) if texture is not None and self.uv is not None else ()
+            if texture is None or self.uv is None or len(here) == 0:
+                continue
+            b1, b2 = np.asarray(barycentrics, dtype=np.float64)[here].T[:, :, None]
+            uv0, uv1, uv2 = self.uv[self.triangles[triangles[here]]].astype(np.float64).transpose(1, 0, 2)
+            albedo[here] *= bilinear(texture, (1.0 - b1 - b2) * uv0 + b1 * uv1 + b2 * uv2)
+        return albedo
+
+
+def _assemble(
+    vertices: npt.ArrayLike,
+    triangles: npt.ArrayLike,
+    material: npt.ArrayLike,
+    albedo: npt.ArrayLike,
+    *,
+    textures: Sequence[np.ndarray | None] = (),
+    uv: npt.ArrayLike | None = None,
+    camera: Camera | None = None,
+    name: str = "scene",
+    counts: Mapping[str, int] | None = None,
+    warnings: Sequence[str] = (),
+) -> Scene:
+    """Validate, drop what has no area or occurs twice, and make the scene; the one way in for all sources."""
+    points = checked_vertices(vertices)
+    corners = checked_triangles(triangles)
+    check_corners(corners, len(points))
+    colours = checked_albedo(albedo)
+
+    # Triangles without area are hit by no ray; of equal ones (in any winding) the first stays.
+    solid = has_area(points, corners)
+    kept = np.flatnonzero(solid)
+    if len(kept) == 0:
+        raise ValueError(f"the scene has no triangles: all {len(corners)} have no area")
+    welded = np.sort(first_equal_row(points)[corners[kept]], axis=1)
+    unique = first_equal_row(welded) == np.arange(len(kept))
+    found = {
+        **(counts or {}),
+        "degenerate triangles": int(len(corners) - len(kept)),
+        "duplicate triangles": int(len(kept) - np.count_nonzero(unique)),
+    }
+    kept = kept[unique]
+
+    if camera is None:
+        camera = Camera.framing(points[np.unique(corners[kept])])
+    pictures = tuple(None if texture is None else frozen(texture, np.float32) for texture in textures)
+    return Scene(
+        vertices=frozen(points, np.float64),
+        triangles=frozen(corners[kept], np.uint32),
+        material=frozen(np.asarray(material)[kept], np.uint32),
+        albedo=frozen(colours, np.float32),
+        camera=camera,
+        textures=pictures or (None,) * len(colours),
+        uv=None if uv is None or not any(t is not None for t in pictures) else frozen(uv, np.float32),
+        name=name,
+        counts=found,
+        warnings=tuple(warnings),
+    )
+
+
+def _own_corners(piece: Piece) -> np.ndarray:
+    """The piece's own corners, before an offset could hide that they are out of range."""
+    corners = np.asarray(piece.triangles, dtype=np.int64)
+    bad = np.flatnonzero(((corners < 0) | (corners >= len(piece.vertices))).any(axis=1))
+    if len(bad):
+        own = len(piece.vertices)
+        raise ValueError(f"corners must be in [0, {own}), but a triangle has {corners[bad[0]].tolist()}")
+    return corners

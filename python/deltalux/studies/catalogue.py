@@ -1,0 +1,23 @@
+"""All studies by name."""
+
+from __future__ import annotations
+
+from .coherence import coverage, energy, equal_quality, equal_time, evolution, lighting_error, phase_map, reset_raster
+from .harmonics import blocker, two_bases
+from .shape import Study
+
+__all__ = ["STUDIES"]
+
+STUDIES: dict[str, Study] = {
+    "lighting-error": lighting_error.STUDY,
+    "evolution": evolution.STUDY,
+    "coverage": coverage.STUDY,
+    "energy": energy.STUDY,
+    "resets": reset_raster.STUDY,
+    "equal-quality": equal_quality.STUDY,
+    "phase-map": phase_map.STUDY,
+    "equal-time": equal_time.STUDY,
+    "harmonics": two_bases.STUDY,
+    "blocker": blocker.STUDY,
+}
+"""By name, in the order of the papers."""

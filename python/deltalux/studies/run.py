@@ -1,0 +1,122 @@
+"""One study by its name: what would be refused, found before any work, and the work."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from ..columns import Haar
+from ..light.environment import Environment
+from ..light.motion import Motion
+from ..output import check_folder, claim, slug
+from ..progress import Progress, reporter
+from ..transport.transport import Transport
+from .case import Case
+from .catalogue import STUDIES
+from .shape import Study
+from .sheet import PAGE, Sheet
+
+__all__ = ["check_study", "study"]
+
+_FEWEST_FRAMES = 8
+
+
+def check_study(
+    name: str,
+    folder: str | os.PathLike[str],
+    env: Environment | Sequence[Environment],
+    transport: Transport | Sequence[Transport] = (),
+    *,
+    motion: Motion | None = None,
+    columns: Haar | None = None,
+) -> list[tuple[str, Case]]:
+    """What `study` would refuse, found at once and with nothing written; the chapters otherwise.
+
+    Raises
+    ------
+    ValueError, OSError
+        As `study`.
+    """
+    if name not in STUDIES:
+        raise ValueError(f"expected a study of {', '.join(STUDIES)}, got {name!r}")
+    envs = [env] if isinstance(env, Environment) else list(env)
+    transports = [transport] if isinstance(transport, Transport) else list(transport)
+    if not envs:
+        raise ValueError("expected at least one environment")
+    motion = motion or Motion()
+    if motion.frames < _FEWEST_FRAMES or motion.rotate == 0:
+        raise ValueError(f"expected light that moves for {_FEWEST_FRAMES} frames or more, got {motion}")
+    dark = [light.name for light in envs if not light.cubemap(1).any()]
+    if dark:
+        raise ValueError(f"expected light, but {dark[0]} is black: errors are relative to it")
+    if STUDIES[name].needs_scene and not transports:
+        raise ValueError(f"the study {name!r} looks at pictures: expected a scene")
+    cases = [Case(light, motion, _haar(found), found) for found in transports for light in envs]
+    cases = cases or [Case(light, motion, columns or Haar(64)) for light in envs]
+    chapters = [(slug(case.name, k), case) for k, case in enumerate(cases)]
+    check_folder(folder, _names(STUDIES[name], chapters))
+    return chapters
+
+
+def _haar(transport: Transport) -> Haar:
+    if isinstance(transport.columns, Haar):
+        return transport.columns
+    raise ValueError(f"studies follow wavelets: expected a transport in haar columns, got {transport.columns}")
+
+
+def _names(chosen: Study, chapters: Sequence[tuple[str, Case]]) -> list[str]:
+    """Every file that a study may write."""
+    kinds = [f"{chapter}-{kind}" for chapter, case in chapters for kind in chosen.files(case)]
+    return [PAGE, *kinds]
+
+
+def study(
+    name: str,
+    folder: str | os.PathLike[str],
+    env: Environment | Sequence[Environment],
+    transport: Transport | Sequence[Transport] = (),
+    *,
+    motion: Motion | None = None,
+    columns: Haar | None = None,
+    progress: bool | Progress = True,
+) -> Path:
+    """Runs one study of `STUDIES` and writes what it finds.
+
+    Parameters
+    ----------
+    name
+        A key of `STUDIES`.
+    folder
+        Made if it is not there. Files in it that are not ours are never overwritten.
+    env
+        The light, or several; each gets a chapter.
+    transport
+        The scenes to look at, in Haar columns; with none, the light alone is studied where the study can do so.
+    motion
+        The rotation; by default 45 degrees in 100 frames, then 25 still.
+    columns
+        What light is measured in where there is no transport; by default `Haar(64)`, the papers' 24,576 wavelets.
+    progress
+        True: bars on standard error. A callable: progress(done, total), for each chapter anew.
+
+    Returns
+    -------
+    Path
+        The page, index.html.
+
+    Raises
+    ------
+    ValueError
+        If there is no such study, it needs a scene that is not given, or the transport has other columns than Haar.
+    OSError
+        If the folder cannot be written or holds files of others under our names.
+    """
+    chapters = check_study(name, folder, env, transport, motion=motion, columns=columns)
+    chosen = STUDIES[name]
+    names = _names(chosen, chapters)
+    sheet = Sheet(claim(folder, names), chosen.title, chosen.intro, names)
+    for chapter, case in chapters:
+        sheet.chapter(chapter, case.name)
+        chosen.run(case, sheet, reporter(progress, f"{name}: {case.name}"))
+    return sheet.save()

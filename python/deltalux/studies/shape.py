@@ -1,0 +1,28 @@
+"""The shape that all studies have."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from ..progress import Progress
+from .case import Case
+from .sheet import Sheet
+
+__all__ = ["Study"]
+
+
+@dataclass(frozen=True)
+class Study:
+    """A title, what is looked at and why, the files that each chapter may write, and the work."""
+
+    title: str
+    intro: str
+    run: Callable[[Case, Sheet, Progress], None]
+    light_files: tuple[str, ...] = ()
+    scene_files: tuple[str, ...] = ()
+    needs_scene: bool = False
+
+    def files(self, case: Case) -> tuple[str, ...]:
+        """Names of the files of one chapter, without the chapter's own."""
+        return self.light_files + (self.scene_files if case.transport is not None else ())

@@ -1,0 +1,259 @@
+"""Transport: M on disk, opened by memory map, as an array-like that multiplies."""
+
+from __future__ import annotations
+
+import json
+import os
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .._core import Transport as CoreTransport
+from ..camera import Camera
+from ..columns import Columns, parse
+from .entry import ENTRY_BYTES, GROUP
+from .plan import Plan
+
+if TYPE_CHECKING:
+    import scipy.sparse
+    import scipy.sparse.linalg
+
+    from ..light.environment import Environment
+
+__all__ = ["Transport"]
+
+# In bytes that are read in the same time: choosing a column, and finding it in a tile.
+_CHOOSING, _FINDING = 64.0, 300.0
+
+
+class Transport:
+    """The light transport matrix M of a still scene: B = M V.
+
+    Made by `precompute` and opened by `Transport.open`. Nothing in it changes: any number of relighters share one.
+    """
+
+    def __init__(self, core: CoreTransport) -> None:
+        self._core = core
+
+    @staticmethod
+    def open(path: str | os.PathLike[str]) -> Transport:
+        """Opens a transport directory by memory map, after checking every file in it.
+
+        Raises
+        ------
+        FileError
+            (a ValueError) If a file is truncated, altered, of another version, or not what it claims to be.
+        OSError
+            If a file cannot be read.
+        """
+        return Transport(CoreTransport.open(path))
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """(rows, columns)."""
+        return self._core.shape
+
+    @property
+    def channels(self) -> int:
+        """1: the albedo stays outside M."""
+        return 1
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of M: its tiles, with the norms of their rows."""
+        return self._core.nbytes
+
+    @property
+    def width(self) -> str:
+        """What its values are stored in: integers of 8 bits, "i8", or of 16, "i16"."""
+        return self._core.width
+
+    @property
+    def entries(self) -> int:
+        """Groups of 16 rows that are stored, in all columns together."""
+        return self._core.entries
+
+    @property
+    def receiver_nbytes(self) -> int:
+        """Bytes of the receivers, which turn rows into pictures."""
+        return self._core.receiver_nbytes
+
+    @property
+    def files(self) -> list[tuple[str, int]]:
+        """Names of the files in the directory, and their bytes."""
+        return self._core.files
+
+    @cached_property
+    def columns(self) -> Columns:
+        """The basis that V is measured in."""
+        return parse(self._core.columns)
+
+    @cached_property
+    def plan(self) -> Plan:
+        """What was computed, what was left out, and why."""
+        return Plan.from_json(self._core.plan)
+
+    @cached_property
+    def camera(self) -> Camera:
+        """The camera whose pixels the rows are."""
+        return Camera(**json.loads(self._core.camera))
+
+    def coefficients(self, env: Environment) -> NDArray[np.float64]:
+        """V: an environment in the columns of M, (columns, 3) float64."""
+        return self.columns.coefficients(env)
+
+    def multiply(self, V: ArrayLike) -> NDArray[np.float32]:
+        """B = M V, the exact product in one go.
+
+        Parameters
+        ----------
+        V
+            (columns, 3), or (k, columns, 3) for k lights in one pass over M.
+
+        Returns
+        -------
+        (rows, 3) or (k, rows, 3) float32
+            The exact product of M and V on its dyadic grid, rounded once. The albedo is not in it (see `image`).
+
+        Raises
+        ------
+        ValueError
+            If the shape is wrong or a coefficient is not finite.
+        """
+        array = np.ascontiguousarray(V, np.float64)
+        single = array.ndim == 2
+        batch = array[None] if single else array
+        if batch.ndim != 3 or batch.shape[1:] != (self.shape[1], 3):
+            raise ValueError(f"expected V of shape ({self.shape[1]}, 3) or (k, {self.shape[1]}, 3), got {np.shape(V)}")
+        product = self._core.multiply(batch)
+        return product[0] if single else product
+
+    def row(self, i: int) -> NDArray[np.float32]:
+        """One transport vector, dense: (columns,) float32, exact.
+
+        Raises
+        ------
+        IndexError
+            If there is no such row.
+        """
+        return self._core.row(i)
+
+    def image(self, B: ArrayLike, env: Environment | None = None) -> NDArray[np.float32]:
+        """The picture of a response: albedos in, receivers resolved into their pixels.
+
+        Parameters
+        ----------
+        B
+            (rows, 3): a product.
+        env
+            What lies behind the scene; None: black.
+
+        Returns
+        -------
+        (height, width, 3) float32
+            Linear radiance, row 0 at the top.
+        """
+        values = np.ascontiguousarray(B, np.float32)
+        if values.shape != (self.shape[0], 3):
+            raise ValueError(f"expected B of shape ({self.shape[0]}, 3), got {values.shape}")
+        picture = self._core.image(values)
+        if env is not None:
+            share = self._core.background
+            seen = share > 0
+            picture[seen] += share[seen, None] * env.radiance(self._directions[seen])
+        return picture
+
+    @cached_property
+    def _directions(self) -> NDArray[np.float64]:
+        return self.camera.directions()
+
+    @cached_property
+    def column_norms(self) -> NDArray[np.float64]:
+        """The norm of every column of M: (columns,)."""
+        return self._core.column_norms()
+
+    @cached_property
+    def column_bytes(self) -> NDArray[np.float64]:
+        """The bytes of M that a frame streams for each column: (columns,)."""
+        return self._core.column_entries().astype(np.float64) * ENTRY_BYTES[self.width]
+
+    @cached_property
+    def column_costs(self) -> NDArray[np.float64]:
+        """The time that sending each column takes, (columns,), in bytes of M that are read in the same time.
+
+        To a column's bytes come those of choosing it, and of finding it in every tile (measured).
+        """
+        tiles = -(-self.shape[0] // self._core.tile_rows)
+        return self.column_bytes + _CHOOSING + np.where(self.column_bytes > 0, _FINDING * tiles, 0.0)
+
+    @cached_property
+    def albedo(self) -> NDArray[np.float32]:
+        """Diffuse reflectance of every row, (rows, 3)."""
+        return self._core.albedo
+
+    @cached_property
+    def weight(self) -> NDArray[np.float32]:
+        """The share of its pixel that every row stands for, (rows,)."""
+        return self._core.weight
+
+    @property
+    def audit(self) -> tuple[NDArray[np.int64], Transport] | None:
+        """Some rows as they were traced, untruncated: their numbers, and a transport of them; None if none were kept.
+
+        They come in whole groups: numbers at or beyond the rows of M are padding.
+        """
+        found = self._core.audit()
+        if found is None:
+            return None
+        groups, rows = found
+        return (groups.astype(np.int64)[:, None] * GROUP + np.arange(GROUP)).ravel(), Transport(rows)
+
+    def to_scipy(self) -> scipy.sparse.csr_matrix:
+        """A copy of M as a scipy CSR matrix of float32."""
+        import scipy.sparse
+
+        indptr, indices, data = self._core.to_csr()
+        return scipy.sparse.csr_matrix((data, indices, indptr), shape=self.shape)
+
+    # What scipy asks of a linear operator: `scipy.sparse.linalg.aslinearoperator(transport)` takes these.
+    dtype = np.dtype(np.float64)
+
+    def matmat(self, x: ArrayLike) -> NDArray[np.float64]:
+        """M x, for x (columns,) or (columns, k): float64."""
+        columns = np.asarray(x, np.float64).reshape(self.shape[1], -1).T
+        # The kernel multiplies three colours at a time.
+        padded = np.zeros((-(-len(columns) // 3) * 3, self.shape[1]))
+        padded[: len(columns)] = columns
+        product = self._core.multiply(np.ascontiguousarray(padded.reshape(-1, 3, self.shape[1]).swapaxes(1, 2)))
+        flat = product.swapaxes(1, 2).reshape(-1, self.shape[0])[: len(columns)].T
+        return np.array(flat, np.float64).reshape((self.shape[0], *np.shape(x)[1:]))
+
+    def rmatmat(self, y: ArrayLike) -> NDArray[np.float64]:
+        """The transpose of M times y, for y (rows,) or (rows, k): float64."""
+        stacked = np.ascontiguousarray(np.asarray(y, np.float64).reshape(self.shape[0], -1))
+        return self._core.transpose_multiply(stacked).reshape((self.shape[1], *np.shape(y)[1:]))
+
+    matvec, rmatvec = matmat, rmatmat
+
+    def linear_operator(self) -> scipy.sparse.linalg.LinearOperator:
+        """M and its transpose as a scipy LinearOperator, float64."""
+        import scipy.sparse.linalg
+
+        return scipy.sparse.linalg.aslinearoperator(self)
+
+    def truncated(self, path: str | os.PathLike[str], tolerance: float) -> Transport:
+        """Writes a smaller transport with a larger stated error, and opens it."""
+        threshold, _, _ = self._core.threshold_for(tolerance)
+        self._core.truncate_to(path, threshold, plan=self._core.plan)
+        return Transport.open(path)
+
+    def coarsened(self, tolerance: float, width: str) -> Transport:
+        """The same with a larger stated error, in integers of this width ("i8" or "i16"); in memory, no receivers."""
+        threshold, _, _ = self._core.threshold_for(tolerance, width=width)
+        return Transport(self._core.truncated(threshold, width=width))
+
+    def __repr__(self) -> str:
+        rows, columns = self.shape
+        return f"<Transport {rows:,} x {columns:,} ({self.columns}), {self.nbytes / 1e6:.1f} MB>"
