@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use _core::basis::haar::Haar;
 use _core::light::{EnvironmentMap, Layout};
-use _core::update::{Approximation, BandTest, Budget, Colours, Grid, Method, Norm, RowNorm, Settings, light_norm};
+use _core::update::{Approximation, BandTest, Budget, Colours, Grid, Method, Norm, Settings, Span, light_norm};
 use criterion::Criterion;
 
 const SIZE: usize = 64;
@@ -19,7 +19,7 @@ const FRAMES: usize = 200;
 /// Degrees a frame: 45 in 100.
 const SPEED: f64 = 0.45;
 /// Rows of M whose norm is at most 2^3, in units of 2^-17: those of the plant.
-const ROWS: RowNorm = RowNorm { exponent: 3, quantum: -17 };
+const ROWS: Span = Span(20);
 
 const PBI: fn(BandTest) -> Method = |test| Method::PerBand { test, norm: Norm::L1 };
 
@@ -68,7 +68,7 @@ fn approximation(haar: &Haar, method: Method, terms: usize) -> Approximation {
         budget: Budget::Terms(terms),
         weights: bands.areas.clone(),
         costs: Vec::new(),
-        channels: Colours::Joint,
+        colours: Colours::Joint,
     };
     Approximation::new(bands, settings).expect("valid settings")
 }

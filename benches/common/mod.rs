@@ -1,7 +1,7 @@
 //! A transport with the sparsity of a real one: 512 x 512 receivers, haar:64, about 230 MB.
 
 use _core::basis::ColumnSpace;
-use _core::transport::{GROUP, Tile, TransportMatrix, Values};
+use _core::transport::{Channels, GROUP, Tile, TransportMatrix, Values};
 
 /// The share of groups that a column of each band touches, coarse to fine, as measured on the plant.
 const TOUCHED: [f64; 6] = [0.88, 0.70, 0.57, 0.25, 0.047, 0.002];
@@ -51,6 +51,7 @@ pub fn matrix(rows: usize, tile_rows: usize) -> TransportMatrix {
         }
         tiles.push(Tile {
             rows: tile_rows,
+            channels: Channels::One,
             starts: starts.into(),
             words: words.into(),
             values: Values::I8(values.into()),
@@ -58,7 +59,7 @@ pub fn matrix(rows: usize, tile_rows: usize) -> TransportMatrix {
             dropped: vec![0x3c00; tile_rows * bands.count()].into(),
         });
     }
-    TransportMatrix { space, bands, rows, quantum: -14, tile_rows, tiles }
+    TransportMatrix { space, bands, rows, channels: Channels::One, quantum: -14, tile_rows, tiles }
 }
 
 /// Columns of a frame: `counts[b]` of band b, anew each time.

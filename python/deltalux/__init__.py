@@ -9,16 +9,20 @@ from .columns import Haar, SphericalHarmonics
 from .light import sequences
 from .light.environment import Environment
 from .precomputation.run import plan, precompute
+from .relight.compare import Comparison, compare
 from .relight.relighter import Frame, Relighter
 from .scene.scene import Scene
 from .transport.plan import Plan
 from .transport.transport import Transport
 from .update.approximation import Approximation, Update
-from .update.methods import Full, HarmonicOrder, Incremental, Linear, Nonlinear, PerBand
+from .update.choice import Choice, State
+from .update.methods import Full, HarmonicOrder, Incremental, Linear, Method, Nonlinear, PerBand
 
 __all__ = [
     "Approximation",
     "Camera",
+    "Choice",
+    "Comparison",
     "Environment",
     "FileError",
     "Frame",
@@ -27,15 +31,18 @@ __all__ = [
     "HarmonicOrder",
     "Incremental",
     "Linear",
+    "Method",
     "Nonlinear",
     "PerBand",
     "Plan",
     "Relighter",
     "Scene",
     "SphericalHarmonics",
+    "State",
     "Transport",
     "Update",
     "__version__",
+    "compare",
     "plan",
     "precompute",
     "sequences",

@@ -13,18 +13,22 @@ Progress = Callable[[int, int], None]
 """Called with (done, total); whatever it raises stops the work."""
 
 
-def reporter(progress: bool | Progress, what: str) -> Progress:
-    """The user's callback, a bar on standard error, or silence."""
+# The share of the work after which its own speed is all that counts.
+_TRUSTED = 0.1
+
+
+def reporter(progress: bool | Progress, what: str, expected: float | None = None) -> Progress:
+    """The user's callback, a bar on standard error, or silence; a bar may be told how many seconds to expect."""
     if callable(progress):
         return progress
-    return _Bar(what, sys.stderr) if progress else lambda done, total: None
+    return _Bar(what, sys.stderr, expected) if progress else lambda done, total: None
 
 
 class _Bar:
     """One line that is drawn over; nothing is drawn before the first second."""
 
-    def __init__(self, what: str, stream: TextIO) -> None:
-        self._what, self._stream = what, stream
+    def __init__(self, what: str, stream: TextIO, expected: float | None = None) -> None:
+        self._what, self._stream, self._expected = what, stream, expected
         self._started = self._drawn = time.monotonic()
         self._open = False
 
@@ -38,7 +42,7 @@ class _Bar:
             return
         self._drawn = now
         share = done / total if total else 1.0
-        left = elapsed / share - elapsed if share > 0 else float("nan")
+        left = self._left(share, elapsed)
         bar = "#" * round(24 * share)
         text = f"{self._what} [{bar:<24}] {100 * share:3.0f} %  {elapsed:4.0f} s"
         text += f", {left:.0f} s left" if share < 1 else ""
@@ -47,3 +51,11 @@ class _Bar:
         start = "\r" if self._stream.isatty() else ""
         self._stream.write(f"{start}{text:<78}{end}")
         self._stream.flush()
+
+    def _left(self, share: float, elapsed: float) -> float:
+        """Seconds to go: what was expected before anything was done, and by and by what the work itself tells."""
+        told = elapsed / share - elapsed if share > 0 else float("nan")
+        if self._expected is None:
+            return told
+        expected, trust = max(self._expected - elapsed, 0.0), min(share / _TRUSTED, 1.0)
+        return trust * told + (1 - trust) * expected if share > 0 else expected

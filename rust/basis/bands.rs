@@ -20,6 +20,14 @@ pub enum ColumnSpace {
     ///
     /// Band l holds the 2l + 1 functions of degree l, from m = -l to l.
     SphericalHarmonics { order: usize },
+    /// Haar wavelets over a tree of so many surface samples, padded to a power of two (`basis/haar_tree.rs`).
+    ///
+    /// Band 0 holds the scaling function and the wavelets of the three coarsest levels; each further level is a band.
+    Tree { samples: usize },
+    /// What clustered transport stands on: for each cluster its mean, then its representatives.
+    ///
+    /// Band 0 holds the means of all clusters, band i the i-th representatives.
+    Representatives { clusters: usize, each: usize },
 }
 
 /// How columns group into bands: all that an update method knows of a basis.
@@ -27,8 +35,12 @@ pub enum ColumnSpace {
 pub struct Bands {
     /// Band b is columns `starts[b]..starts[b + 1]`; the last entry is the number of columns.
     pub starts: Vec<usize>,
-    /// Texels under the support of each column; 1 for functions that cover the whole sphere.
+    /// Texels under the support of each column; 1 for functions that cover the whole sphere. The light prior: E[V_j^2] is
+    /// taken to grow with it.
     pub areas: Vec<f64>,
+    /// So many of the first columns are never dropped: without the scaling functions rows no longer sum to the light
+    /// that they receive (the white furnace).
+    pub always: usize,
 }
 
 impl Bands {
@@ -79,8 +91,34 @@ impl ColumnSpace {
         }
     }
 
+    /// The most surface samples, and the most representatives with their means.
+    pub const MAX_SAMPLES: usize = 1 << 20;
+
+    pub fn tree(samples: usize) -> Result<Self> {
+        if (1..=Self::MAX_SAMPLES).contains(&samples) {
+            Ok(ColumnSpace::Tree { samples })
+        } else {
+            Err(Error::input(format!("expected a tree of 1 to {} samples, got {samples}", Self::MAX_SAMPLES)))
+        }
+    }
+
+    pub fn representatives(clusters: usize, each: usize) -> Result<Self> {
+        let count = each.checked_add(1).and_then(|each| clusters.checked_mul(each));
+        if clusters > 0 && each <= 255 && count.is_some_and(|count| count <= Self::MAX_SAMPLES) {
+            Ok(ColumnSpace::Representatives { clusters, each })
+        } else {
+            Err(Error::input(format!(
+                "expected at least one cluster of at most 255 representatives, {} in all with their means, got \
+                 {clusters} x {each}",
+                Self::MAX_SAMPLES
+            )))
+        }
+    }
+
     pub fn columns(self) -> usize {
         match self {
+            ColumnSpace::Tree { samples } => samples.next_power_of_two(),
+            ColumnSpace::Representatives { clusters, each } => clusters * (1 + each),
             ColumnSpace::Haar { size } => 6 * size * size,
             ColumnSpace::SphericalHarmonics { order } => order * order,
         }
@@ -88,6 +126,21 @@ impl ColumnSpace {
 
     pub fn bands(self) -> Bands {
         match self {
+            ColumnSpace::Tree { .. } => {
+                let columns = self.columns();
+                // The wavelets of level l are columns 2^l to 2^(l + 1), each over columns / 2^l leaves.
+                let level = |column: usize| column.max(1).ilog2();
+                let areas = (0..columns).map(|column| (columns >> level(column)) as f64).collect();
+                let mut starts = vec![0, columns.min(8)];
+                while starts[starts.len() - 1] < columns {
+                    starts.push(2 * starts[starts.len() - 1]);
+                }
+                Bands { starts, areas, always: columns.min(8) }
+            }
+            ColumnSpace::Representatives { clusters, each } => {
+                let starts = (0..=1 + each).map(|band| band * clusters).collect();
+                Bands { starts, areas: vec![1.0; self.columns()], always: clusters }
+            }
             ColumnSpace::Haar { size } => {
                 let levels = size.trailing_zeros() as usize;
                 let mut starts = vec![0];
@@ -100,11 +153,13 @@ impl ColumnSpace {
                 if levels == 0 {
                     starts.push(6);
                 }
-                Bands { starts, areas }
+                Bands { starts, areas, always: 6 }
             }
-            ColumnSpace::SphericalHarmonics { order } => {
-                Bands { starts: (0..=order).map(|degree| degree * degree).collect(), areas: vec![1.0; order * order] }
-            }
+            ColumnSpace::SphericalHarmonics { order } => Bands {
+                starts: (0..=order).map(|degree| degree * degree).collect(),
+                areas: vec![1.0; order * order],
+                always: 1,
+            },
         }
     }
 }
@@ -114,6 +169,8 @@ impl fmt::Display for ColumnSpace {
         match self {
             ColumnSpace::Haar { size } => write!(f, "haar:{size}"),
             ColumnSpace::SphericalHarmonics { order } => write!(f, "sh:{order}"),
+            ColumnSpace::Tree { samples } => write!(f, "tree:{samples}"),
+            ColumnSpace::Representatives { clusters, each } => write!(f, "representatives:{clusters}x{each}"),
         }
     }
 }
@@ -121,12 +178,15 @@ impl fmt::Display for ColumnSpace {
 impl FromStr for ColumnSpace {
     type Err = Error;
 
-    /// Reads what `Display` writes: `haar:64`, `sh:20`.
+    /// Reads what `Display` writes: `haar:64`, `sh:20`, `tree:4096`, `representatives:398x25`.
     fn from_str(text: &str) -> Result<Self> {
         let (kind, number) = text.split_once(':').unwrap_or((text, ""));
-        match (kind, number.parse()) {
-            ("haar", Ok(size)) => ColumnSpace::haar(size),
-            ("sh", Ok(order)) => ColumnSpace::spherical_harmonics(order),
+        let pair = number.split_once('x').and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)));
+        match (kind, number.parse(), pair) {
+            ("haar", Ok(size), _) => ColumnSpace::haar(size),
+            ("sh", Ok(order), _) => ColumnSpace::spherical_harmonics(order),
+            ("tree", Ok(samples), _) => ColumnSpace::tree(samples),
+            ("representatives", _, Some((clusters, each))) => ColumnSpace::representatives(clusters, each),
             _ => Err(Error::input(format!("expected columns like \"haar:64\" or \"sh:20\", got {text:?}"))),
         }
     }

@@ -3,10 +3,12 @@
 pub mod bands;
 pub mod cubemap;
 pub mod haar;
+pub mod haar_tree;
 pub mod harmonic_projection;
 pub mod spherical_harmonics;
 pub mod texel;
 
 pub use bands::{Bands, ColumnSpace};
+pub use haar_tree::HaarTree;
 pub use harmonic_projection::{HARMONIC_FACE, HarmonicProjection};
 pub use texel::Texel;

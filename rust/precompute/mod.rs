@@ -2,7 +2,10 @@
 //! any split over threads, machines or interrupted runs gives the same M.
 
 pub mod direct;
+pub mod pass;
 mod projection;
 mod texels;
+mod visibility;
 
-pub use direct::{DirectPass, Rays};
+pub use direct::DirectPass;
+pub use pass::{Pass, Probed, Rays, Shape, Surveyed, probe, survey, tile};

@@ -7,7 +7,7 @@ use std::f64::consts::PI;
 
 use crate::basis::haar::Haar;
 use crate::basis::{ColumnSpace, HARMONIC_FACE, HarmonicProjection};
-use crate::error::Result;
+use crate::error::{Error, Result};
 
 use crate::transport::{GROUP, Rows16};
 
@@ -44,6 +44,9 @@ impl Projection {
                 size: HARMONIC_FACE,
                 factors: vec![(1.0 / PI) as f32; HARMONIC_FACE * HARMONIC_FACE],
             },
+            ColumnSpace::Tree { .. } | ColumnSpace::Representatives { .. } => {
+                return Err(Error::input(format!("expected columns that light is measured in, got {space}")));
+            }
         })
     }
 

@@ -8,9 +8,9 @@ use crate::basis::spherical_harmonics::{Rotation, SphericalHarmonics, windowed};
 use crate::basis::{ColumnSpace, HarmonicProjection};
 use crate::error::{Error, Result};
 
+use super::arrays::{coefficients, colours, not_contiguous, rows, table};
 use super::compute;
-use super::light::{Part, colours, not_contiguous, rows, table};
-use super::update::coefficients;
+use super::light::Part;
 
 /// The order whose coefficients these are.
 fn order_of(coefficients: &[[f64; 3]]) -> Result<usize> {

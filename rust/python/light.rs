@@ -1,6 +1,6 @@
-//! Bindings of `basis::haar` and `light`. Shapes, dtypes and values are checked by `deltalux.environment` beforehand.
+//! Bindings of `basis::haar` and `light`. Shapes, dtypes and values are checked by `deltalux.light.environment` beforehand.
 
-use numpy::ndarray::{Array2, Array4};
+use numpy::ndarray::Array4;
 use numpy::{IntoPyArray, PyArray2, PyArray4, PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArray4};
 use pyo3::prelude::*;
 
@@ -8,6 +8,7 @@ use crate::basis::haar::Haar;
 use crate::error::{Error, Result};
 use crate::light::{EnvironmentMap, Layout};
 
+use super::arrays::{colours, not_contiguous, rows, table};
 use super::compute;
 
 /// The largest cubemap face that is resampled to: 150 MB of radiance.
@@ -51,18 +52,6 @@ impl PyEnvironmentMap {
     }
 }
 
-pub(super) fn not_contiguous() -> PyErr {
-    Error::input("expected a C-contiguous array").into()
-}
-
-/// Numbers as colours: the last axis has length 3.
-pub(super) fn colours(values: &[f32]) -> Result<Vec<[f32; 3]>> {
-    match values.as_chunks::<3>() {
-        (colours, []) => Ok(colours.to_vec()),
-        _ => Err(Error::input("expected an array whose last axis has length 3")),
-    }
-}
-
 /// The sum of the parts on a cubemap.
 fn resampled(parts: &[Part], size: usize) -> Result<Vec<[f32; 3]>> {
     if !(1..=MAX_SIZE).contains(&size) {
@@ -73,20 +62,6 @@ fn resampled(parts: &[Part], size: usize) -> Result<Vec<[f32; 3]>> {
         map.get().0.resample(size, rotation, *weight, &mut radiance);
     }
     Ok(radiance)
-}
-
-/// Rows of equal length, one after the other, as an array.
-pub(super) fn rows<T: numpy::Element>(
-    py: Python<'_>,
-    shape: (usize, usize),
-    values: Vec<T>,
-) -> PyResult<Bound<'_, PyArray2<T>>> {
-    let array = Array2::from_shape_vec(shape, values);
-    Ok(array.map_err(|error| Error::input(error.to_string()))?.into_pyarray(py))
-}
-
-pub(super) fn table<'py>(py: Python<'py>, colours: Vec<[f64; 3]>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    rows(py, (colours.len(), 3), colours.into_flattened())
 }
 
 fn cubemap<'py, T: numpy::Element>(py: Python<'py>, size: usize, texels: Vec<T>) -> PyResult<Bound<'py, PyArray4<T>>> {

@@ -1,8 +1,10 @@
 //! The boundary to Python: convert, check, detach, compute, convert back; nothing else. One file per floor.
 
+mod arrays;
 mod harmonics;
 mod interrupt;
 mod light;
+mod receivers;
 mod relight;
 mod scene;
 mod tracer;
@@ -43,6 +45,7 @@ fn core_module(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("DEBUG_BUILD", cfg!(debug_assertions))?;
     interrupt::register(module)?;
     update::register(module)?;
+    receivers::register(module)?;
     transport::register(module)?;
     writer::register(module)?;
     light::register(module)?;

@@ -3,15 +3,15 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use numpy::ndarray::ArrayView2;
-use numpy::{IntoPyArray, PyArray2, PyArrayMethods, PyReadonlyArray2};
+use numpy::{IntoPyArray, PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
 use crate::error::Error;
-use crate::update::{Initial, Updater as Core};
+use crate::update::{Chosen, Initial, Mix, Updater as Core};
 
-use super::light::table;
+use super::arrays::{coefficients, table, to_vec};
 use super::transport::Transport;
-use super::update::{SettingsItems, UpdateArrays, coefficients, update_arrays};
+use super::update::{Given, Settings, UpdateArrays, update_arrays};
 use super::{compute, compute_on, look_at};
 
 /// An approximation and the response to it; see `deltalux.Relighter`.
@@ -75,36 +75,88 @@ impl Picture {
 /// B (rows, 3), the update, the bound in three colours, converged, seconds of choosing and of multiplying.
 type Stepped<'py> = (Bound<'py, PyArray2<f32>>, UpdateArrays<'py>, [f64; 3], bool, f64, f64);
 
+impl Updater {
+    fn picture(&self) -> Picture {
+        Picture { values: self.spare.take(3 * self.rows), spare: self.spare.clone() }
+    }
+}
+
 #[pymethods]
 impl Updater {
-    /// `full`: the first step applies the whole light.
+    /// `second`: how the second stage is followed, where there is one. `initial`: what the first step applies, "full",
+    /// "nonlinear" or None.
     #[new]
-    fn new(py: Python<'_>, transport: &Bound<'_, Transport>, settings: SettingsItems, full: bool) -> PyResult<Self> {
-        let matrix = transport.get().matrix.clone();
-        let settings = settings.settings()?;
-        let initial = if full { Initial::Full } else { Initial::Black };
-        let rows = matrix.rows;
-        let state = compute(py, || Core::new(Arc::clone(&matrix), settings, initial))?;
+    #[pyo3(signature = (transport, first, second, *, initial))]
+    fn new(
+        py: Python<'_>,
+        transport: &Bound<'_, Transport>,
+        first: &Settings,
+        second: Option<&Settings>,
+        initial: Option<&str>,
+    ) -> PyResult<Self> {
+        let chain = Arc::clone(&transport.get().chain);
+        let rows = chain.product.rows();
+        let (first, second) = (first.0.clone(), second.map(|settings| settings.0.clone()));
+        let initial = match initial {
+            Some("full") => Initial::Full,
+            Some("nonlinear") => Initial::Nonlinear,
+            None => Initial::Black,
+            Some(other) => return Err(Error::input(format!("unknown start {other:?}")).into()),
+        };
+        let state = compute(py, || Core::new(chain, first, second, initial))?;
         Ok(Updater { state: Mutex::new(state), rows, spare: Spare::default() })
     }
 
-    /// One frame towards `light`, (columns, 3) float64; `seconds`: the time for it, where that is the budget.
+    /// What somebody else may choose from in the frame towards `light`: V on its grid and V~, each (columns, 3) float64;
+    /// None where it is settled what the first frame takes.
+    fn prepare<'py>(
+        &self,
+        py: Python<'py>,
+        light: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Option<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>)>> {
+        let light = coefficients(&light)?;
+        let copied = compute_on(py, &self.state, |state| {
+            Ok(state.prepare(light)?.map(|(target, values)| (target.to_vec(), values.to_vec())))
+        })?;
+        copied.map(|(target, values)| Ok((table(py, target)?, table(py, values)?))).transpose()
+    }
+
+    /// One frame towards `light`, (columns, 3) float64; `seconds`: the time for it, where that is the budget; `given`: by a
+    /// choice from outside, within the budget.
+    #[pyo3(signature = (light, seconds, given = None))]
     fn step<'py>(
         &self,
         py: Python<'py>,
         light: PyReadonlyArray2<'py, f64>,
         seconds: Option<f64>,
+        given: Option<Given<'py>>,
     ) -> PyResult<Stepped<'py>> {
         let light = coefficients(&light)?;
-        let mut picture = Picture { values: self.spare.take(3 * self.rows), spare: self.spare.clone() };
+        let given = given.map(|(resets, columns)| (resets, to_vec(&columns)));
+        let chosen = match &given {
+            None => Chosen::Own,
+            Some((resets, columns)) => Chosen::Given { resets, columns },
+        };
+        let mut picture = self.picture();
         let out = &mut picture.values;
-        let step = compute_on(py, &self.state, |state| match seconds {
-            Some(seconds) => state.step_within(light, out, seconds),
-            None => state.step(light, out),
-        })?;
+        let step = compute_on(py, &self.state, |state| state.frame(light, out, seconds, &chosen))?;
         let values = picture.array(py, self.rows)?;
         let update = update_arrays(py, step.update)?;
         Ok((values, update, step.bound, step.converged, step.choosing, step.multiplying))
+    }
+
+    /// How several factors are mixed from now on, (rows, factors) float32.
+    fn set_mix(&self, py: Python<'_>, weights: PyReadonlyArray2<'_, f32>) -> PyResult<()> {
+        let mix = Mix::new(weights.as_array().iter().copied().collect(), weights.shape()[1])?;
+        compute_on(py, &self.state, |state| state.set_mix(mix))
+    }
+
+    /// B (rows, 3) of what has been applied, written anew: after `set_mix` nothing has to be sent for it.
+    fn write<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        let mut picture = self.picture();
+        let out = &mut picture.values;
+        compute_on(py, &self.state, |state| state.write(out))?;
+        picture.array(py, self.rows)
     }
 
     /// The bound of every receiver for the picture of the last step: (rows, 3) float32.

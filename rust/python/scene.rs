@@ -2,16 +2,17 @@
 
 use std::sync::Arc;
 
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use crate::error::{Error, Result};
-use crate::precompute::DirectPass as Pass;
+use crate::precompute::{DirectPass as Direct, Pass, probe, survey, tile};
 use crate::scene::rays::Tracer;
 use crate::scene::{Camera, Mesh, PixelSampling, Receivers as Rows};
-use crate::transport::Truncation;
+use crate::transport::{ReceiverKind, ReceiverTable as Table, Truncation};
 
+use super::arrays::{rows_of, to_vec, to_vec_of_rows, vectors};
+use super::receivers::ReceiverTable;
 use super::transport::{TileData, parse_width};
 use super::{compute, interruptible};
 
@@ -21,18 +22,6 @@ pub(crate) struct Scene {
     mesh: Mesh,
     tracer: Arc<Tracer>,
     material: Vec<u32>,
-}
-
-pub(super) fn vectors<T: numpy::Element + Copy>(name: &str, array: &PyReadonlyArray2<'_, T>) -> Result<Vec<[T; 3]>> {
-    let array = array.as_array();
-    if array.ncols() != 3 {
-        return Err(Error::input(format!("expected {name} of shape (n, 3), got {:?}", array.shape())));
-    }
-    Ok(array.rows().into_iter().map(|row| [row[0], row[1], row[2]]).collect())
-}
-
-fn rows_of<const N: usize>(py: Python<'_>, items: &[[f32; N]]) -> PyResult<Py<PyArray2<f32>>> {
-    Ok(PyArray1::from_slice(py, items.as_flattened()).reshape([items.len(), N])?.unbind())
 }
 
 #[pymethods]
@@ -158,11 +147,34 @@ impl Receivers {
     fn background(&self, py: Python<'_>) -> Py<PyArray1<f32>> {
         PyArray1::from_slice(py, &self.rows.background).unbind()
     }
+
+    /// The rows of a transport of an image (height, width): with what the materials say of each, albedo (rows, 3) float32
+    /// and material (rows,) uint16.
+    fn table(
+        &self,
+        image: (usize, usize),
+        albedo: PyReadonlyArray2<'_, f32>,
+        material: PyReadonlyArray1<'_, u16>,
+    ) -> PyResult<ReceiverTable> {
+        let rows = &self.rows;
+        Ok(ReceiverTable::checked(Table {
+            albedo: to_vec_of_rows("albedo", &albedo, rows.len())?.into(),
+            position: self.position.as_flattened().to_vec().into(),
+            normal: rows.normal.as_flattened().to_vec().into(),
+            material: Some(to_vec(&material).into()),
+            kind: ReceiverKind::Pixels {
+                image: [image.0, image.1],
+                pixel: rows.pixel.clone().into(),
+                weight: rows.weight.clone().into(),
+                background: rows.background.clone().into(),
+            },
+        })?)
+    }
 }
 
 /// The direct diffuse pass over the receivers of a scene.
 #[pyclass(frozen, module = "deltalux._core")]
-pub(crate) struct DirectPass(Pass);
+pub(crate) struct DirectPass(Direct);
 
 #[pymethods]
 impl DirectPass {
@@ -178,11 +190,12 @@ impl DirectPass {
     ) -> PyResult<Self> {
         let (tracer, rows) = (scene.get().tracer.clone(), receivers.get().rows.clone());
         let space = columns.parse()?;
-        compute(py, || Ok(DirectPass(Pass::new(tracer, rows, space, edge_side)?)))
+        compute(py, || Ok(DirectPass(Direct::new(tracer, rows, space, edge_side)?)))
     }
 
     /// Looks at some bundles of 64 rows: the threshold for a relative image error, the error that it gives, entries per
-    /// group of 16 rows, and groups kept untruncated (their numbers and a tile).
+    /// group of 16 rows, groups kept untruncated (their numbers and a tile), rays to texel centres, and those of them that
+    /// met nothing.
     #[pyo3(signature = (bundles, *, tolerance, quantum, width, progress = None))]
     #[allow(clippy::type_complexity)]
     fn survey(
@@ -193,14 +206,32 @@ impl DirectPass {
         quantum: i32,
         width: &str,
         progress: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<(f64, f64, f64, Py<PyArray1<u32>>, TileData)> {
-        let width = parse_width(width)?;
-        let (choice, numbers, tile) = interruptible(py, progress, |watch| {
-            let (survey, numbers, tile) = self.0.survey(bundles, quantum, width, &|rows| watch.advance(rows))?;
-            Ok((survey.threshold_for(tolerance)?, numbers, tile))
+    ) -> PyResult<(f64, f64, f64, Py<PyArray1<u32>>, TileData, u64, u64)> {
+        let rule = Truncation::new(&self.0.shape().bands, 0.0, quantum, parse_width(width)?)?;
+        let (threshold, surveyed, rays) = interruptible(py, progress, |watch| {
+            let (mut surveyed, rays) = survey(&self.0, bundles, &[rule], &|rows| watch.advance(rows))?;
+            let surveyed = surveyed.swap_remove(0);
+            Ok((surveyed.survey.threshold_for(tolerance)?, surveyed, rays))
         })?;
-        let numbers = numbers.into_pyarray(py).unbind();
-        Ok((choice.value, choice.error, choice.entries_per_group, numbers, TileData(tile)))
+        let numbers = surveyed.groups.into_pyarray(py).unbind();
+        let (entries, audit) = (threshold.entries_per_group, TileData(surveyed.audit));
+        Ok((threshold.value, threshold.error, entries, numbers, audit, rays.first, rays.open))
+    }
+
+    /// Traces evenly spread bundles of 64 rows, as the pass itself would, for about so many seconds: (bundles, seconds, rays
+    /// to texel centres, rays into edge texels).
+    #[pyo3(signature = (seconds, *, threshold, quantum, width))]
+    fn probe(
+        &self,
+        py: Python<'_>,
+        seconds: f64,
+        threshold: f64,
+        quantum: i32,
+        width: &str,
+    ) -> PyResult<(usize, f64, u64, u64)> {
+        let rule = Truncation::new(&self.0.shape().bands, threshold, quantum, parse_width(width)?)?;
+        let probed = interruptible(py, None, |watch| probe(&self.0, seconds, &[rule], &|rows| watch.advance(rows)))?;
+        Ok((probed.bundles, probed.seconds, probed.rays.first, probed.rays.edge))
     }
 
     /// The tile of rows `first` to `first + rows`, and the rays it took: to texel centres, and into edge texels.
@@ -216,12 +247,11 @@ impl DirectPass {
         width: &str,
         progress: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<(TileData, u64, u64)> {
-        let width = parse_width(width)?;
-        let (tile, rays) = interruptible(py, progress, |watch| {
-            let rule = Truncation::new(self.0.bands(), threshold, quantum, width)?;
-            self.0.tile(first, rows, &rule, &|done| watch.advance(done))
+        let rule = Truncation::new(&self.0.shape().bands, threshold, quantum, parse_width(width)?)?;
+        let (mut tiles, rays) = interruptible(py, progress, |watch| {
+            tile(&self.0, first..first + rows, &[rule], &|done| watch.advance(done))
         })?;
-        Ok((TileData(tile), rays.first, rays.edge))
+        Ok((TileData(tiles.swap_remove(0)), rays.first, rays.edge))
     }
 }
 

@@ -8,8 +8,8 @@ use crate::error::{Error, Result};
 use crate::scene::Mesh;
 use crate::scene::rays::{BUNDLE, Bundle, LIFT, Tracer as Core, Walk};
 
+use super::arrays::vectors;
 use super::compute;
-use super::scene::vectors;
 
 /// Directions that are traced together.
 const BLOCK: usize = 64;

@@ -4,20 +4,23 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use numpy::{
-    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3,
-    PyUntypedArrayMethods,
+    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
+    PyReadonlyArrayDyn, PyUntypedArrayMethods,
 };
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
 
+use crate::basis::{ColumnSpace, HaarTree};
 use crate::error::{Error, Result};
-use crate::relight::shade::{Rows, resolve};
-use crate::transport::bf16;
-use crate::transport::file::manifest::width_name;
-use crate::transport::{Audit, Dense, ReceiverTable, Tile, TransportMatrix, Truncation, Values, Width};
-use crate::transport::{Opened, open, rewrite, survey_stored};
-use crate::update::{RowNorm, multiply};
+use crate::transport::file::manifest::{TILES_PER_SHARD, width_name};
+use crate::transport::{
+    self as core, Audit, Channels, Dense, Factors, GROUP, Opened, Product, Tile, TransportMatrix, Truncation, Values,
+    Weights, Width, bf16, open, rewrite, survey_stored,
+};
+use crate::update::{Chain, Mix};
 
+use super::arrays::to_vec;
+use super::receivers::ReceiverTable;
 use super::{compute, interruptible};
 
 /// One tile of M: what a pass returns and `TransportWriter.write_shard` takes.
@@ -45,47 +48,93 @@ impl TileData {
     }
 }
 
+/// What leads from the first stage of a product to the second, or to the receivers.
+#[pyclass(frozen, module = "deltalux._core")]
+pub(super) struct Link(pub(super) core::Link);
+
+#[pymethods]
+impl Link {
+    /// Receivers take from nodes: starts (rows + 1,) and nodes (n,) uint32, weights (n,) uint16 times 2^exponent.
+    #[staticmethod]
+    #[pyo3(signature = (starts, nodes, weights, *, exponent, node_count))]
+    fn weights(
+        starts: PyReadonlyArray1<'_, u32>,
+        nodes: PyReadonlyArray1<'_, u32>,
+        weights: PyReadonlyArray1<'_, u16>,
+        exponent: i32,
+        node_count: usize,
+    ) -> PyResult<Self> {
+        let weights =
+            Weights::new(to_vec(&starts).into(), to_vec(&nodes).into(), to_vec(&weights).into(), exponent, node_count)?;
+        Ok(Link(core::Link::Weights(Arc::new(weights))))
+    }
+
+    /// Haar wavelets over a tree of samples with these areas, (samples,) float64.
+    #[staticmethod]
+    fn tree(areas: PyReadonlyArray1<'_, f64>) -> PyResult<Self> {
+        Ok(Link(core::Link::Tree(Arc::new(HaarTree::new(to_vec(&areas))?))))
+    }
+
+    /// Rows of each first matrix are the columns of its second.
+    #[staticmethod]
+    fn representatives() -> Self {
+        Link(core::Link::Representatives)
+    }
+}
+
 /// A light transport matrix M, opened from a directory or made in memory.
 #[pyclass(frozen, module = "deltalux._core")]
 pub(crate) struct Transport {
-    pub(crate) matrix: Arc<TransportMatrix>,
-    /// What the grid of a product follows.
-    row_norm: RowNorm,
+    pub(crate) chain: Arc<Chain>,
     /// What only a file has.
     file: Option<Opened>,
 }
 
 impl Transport {
     /// Looks once through the norms of all rows, in parallel: never later, inside a guard that other work may wait for.
-    fn new(matrix: Arc<TransportMatrix>, file: Option<Opened>) -> Self {
-        let row_norm = RowNorm::of(&matrix);
-        Transport { matrix, row_norm, file }
+    fn new(product: Product, file: Option<Opened>) -> Self {
+        Transport { chain: Arc::new(Chain::new(product)), file }
+    }
+
+    fn product(&self) -> &Product {
+        &self.chain.product
+    }
+
+    /// The matrix whose rows are the receivers; of several factors the first.
+    fn matrix(&self) -> &TransportMatrix {
+        self.product().outputs().first()
+    }
+
+    /// The one matrix, for what only makes sense of one.
+    fn alone(&self) -> Result<&TransportMatrix> {
+        let several = || Error::input("expected a transport of one matrix, but this one has several parts");
+        self.product().alone().map(Arc::as_ref).ok_or_else(several)
     }
 
     fn file(&self) -> Result<&Opened> {
         self.file.as_ref().ok_or_else(|| Error::input("expected a transport that was opened from a file"))
     }
 
-    fn per_row(&self, py: Python<'_>, of: fn(&ReceiverTable) -> &[f32]) -> PyResult<Py<PyArray2<f32>>> {
-        Ok(PyArray1::from_slice(py, of(&self.file()?.receivers)).reshape([self.matrix.rows, 3])?.unbind())
-    }
-
     fn norms(&self, py: Python<'_>, of: fn(&Tile) -> &[u16]) -> PyResult<Py<PyArray2<f32>>> {
-        let norms: Vec<f32> = self.matrix.tiles.iter().flat_map(of).map(|&bits| bf16(bits)).collect();
-        Ok(norms.into_pyarray(py).reshape([self.matrix.rows, self.matrix.bands.count()])?.unbind())
+        let matrix = self.alone()?;
+        let norms: Vec<f32> = matrix.tiles.iter().flat_map(of).map(|&bits| bf16(bits)).collect();
+        let a_row = matrix.bands.count() * matrix.channels.count();
+        Ok(norms.into_pyarray(py).reshape([matrix.rows, a_row])?.unbind())
     }
 
-    fn stored_width(&self) -> Width {
-        match self.matrix.tiles.first().map(|tile| &tile.values) {
-            Some(Values::I8(_)) => Width::I8,
-            _ => Width::I16,
-        }
+    /// The rule of a re-truncation.
+    fn rule(&self, threshold: f64, width: Option<&str>) -> Result<Truncation> {
+        let matrix = self.alone()?;
+        let width = width.map_or(Ok(width_of(matrix)), parse_width)?;
+        Truncation::new(&matrix.bands, threshold, matrix.quantum, width)
     }
+}
 
-    /// The rule of a re-truncation: what is not given stays as it is.
-    fn rule(&self, threshold: f64, width: Option<&str>, quantum: Option<i32>) -> Result<Truncation> {
-        let width = width.map_or(Ok(self.stored_width()), parse_width)?;
-        Truncation::new(&self.matrix.bands, threshold, quantum.unwrap_or(self.matrix.quantum), width)
+/// How wide the integers of a matrix are.
+fn width_of(matrix: &TransportMatrix) -> Width {
+    match matrix.tiles.first().map(|tile| &tile.values) {
+        Some(Values::I8(_)) => Width::I8,
+        _ => Width::I16,
     }
 }
 
@@ -106,92 +155,135 @@ impl Transport {
     fn open(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         compute(py, || {
             let opened = open(&path)?;
-            Ok(Transport::new(Arc::clone(&opened.matrix), Some(opened)))
+            Ok(Transport::new(opened.product.clone(), Some(opened)))
         })
     }
 
-    /// Compresses a dense array (rows, columns) of float64 in memory.
+    /// Compresses a dense array, (rows, columns) or (rows, columns, 3) of float64, in memory.
     #[staticmethod]
     #[pyo3(signature = (array, *, columns, tile_rows = 16384, width = "i16", quantum = -24, threshold = 0.0))]
     fn from_dense(
         py: Python<'_>,
-        array: PyReadonlyArray2<'_, f64>,
+        array: PyReadonlyArrayDyn<'_, f64>,
         columns: &str,
         tile_rows: usize,
         width: &str,
         quantum: i32,
         threshold: f64,
     ) -> PyResult<Self> {
-        let [rows, width_of_array] = [array.shape()[0], array.shape()[1]];
-        let dense = Dense::new(rows, width_of_array, array.as_array().iter().copied().collect());
-        let space: crate::basis::ColumnSpace = columns.parse()?;
+        let (rows, width_of_array, channels) = match *array.shape() {
+            [rows, columns] => (rows, columns, Channels::One),
+            [rows, columns, channels] => (rows, columns, Channels::from_count(channels)?),
+            ref shape => {
+                let what = format!("expected an array (rows, columns) or (rows, columns, 3), got {shape:?}");
+                return Err(Error::input(what).into());
+            }
+        };
+        let dense = Dense::with_channels(rows, width_of_array, channels, array.as_array().iter().copied().collect());
+        let space: ColumnSpace = columns.parse()?;
         let width = parse_width(width)?;
         compute(py, || {
             let rule = Truncation::new(&space.bands(), threshold, quantum, width)?;
-            Ok(Transport::new(Arc::new(dense.compress(space, &rule, tile_rows)?), None))
+            let matrix = dense.compress(space, &rule, tile_rows)?;
+            Ok(Transport::new(Product::one(Arc::new(matrix)), None))
         })
+    }
+
+    /// One product of transports of one matrix each, in memory.
+    #[staticmethod]
+    #[pyo3(signature = (first, link = None, then = Vec::new()))]
+    fn join(
+        py: Python<'_>,
+        first: Vec<Bound<'_, Transport>>,
+        link: Option<&Link>,
+        then: Vec<Bound<'_, Transport>>,
+    ) -> PyResult<Self> {
+        let matrices = |parts: &[Bound<'_, Transport>]| -> Result<Vec<Arc<TransportMatrix>>> {
+            let one = |part: &Bound<'_, Transport>| {
+                let transport = part.get();
+                transport.alone()?;
+                Ok(Arc::clone(transport.product().first.first()))
+            };
+            parts.iter().map(one).collect()
+        };
+        let first = Factors::new(matrices(&first)?)?;
+        let then = if then.is_empty() { None } else { Some(Factors::new(matrices(&then)?)?) };
+        let product = Product::new(first, link.map_or(core::Link::None, |link| link.0.clone()), then)?;
+        compute(py, || Ok(Transport::new(product, None)))
     }
 
     #[getter]
     fn rows(&self) -> usize {
-        self.matrix.rows
+        self.product().rows()
     }
 
-    /// What the columns mean, as text: "haar:64".
+    /// What the columns of V mean, as text: "haar:64".
     #[getter]
     fn columns(&self) -> String {
-        self.matrix.space.to_string()
+        self.product().first.space().to_string()
+    }
+
+    /// What the columns of the second stage's V mean; None where there is one stage.
+    #[getter]
+    fn second_columns(&self) -> Option<String> {
+        self.product().then.as_ref().map(|then| then.space().to_string())
     }
 
     #[getter]
     fn shape(&self) -> (usize, usize) {
-        (self.matrix.rows, self.matrix.bands.columns())
+        (self.product().rows(), self.product().first.space().columns())
+    }
+
+    /// How many numbers an entry of the receivers' matrix holds for a row: 1 or 3.
+    #[getter]
+    fn channels(&self) -> usize {
+        self.matrix().channels.count()
+    }
+
+    /// How many responses a mix adds for each receiver.
+    #[getter]
+    fn factors(&self) -> usize {
+        self.product().factors()
     }
 
     #[getter]
     fn quantum(&self) -> i32 {
-        self.matrix.quantum
+        self.matrix().quantum
     }
 
     #[getter]
     fn width(&self) -> &'static str {
-        width_name(self.stored_width())
+        width_name(width_of(self.matrix()))
     }
 
     #[getter]
     fn tile_rows(&self) -> usize {
-        self.matrix.tile_rows
+        self.matrix().tile_rows
     }
 
     /// Bytes of M, the norms of its rows included.
     #[getter]
     fn nbytes(&self) -> usize {
-        self.matrix.nbytes()
+        self.product().nbytes()
     }
 
-    /// Bytes of the receivers.
-    #[getter]
-    fn receiver_nbytes(&self) -> usize {
-        self.file.as_ref().map_or(0, |file| file.receivers.nbytes())
-    }
-
-    /// Stored groups of 16 rows.
+    /// Stored groups of 16 rows, in all parts.
     #[getter]
     fn entries(&self) -> usize {
-        self.matrix.entries()
+        let stages = self.product().first.iter().chain(self.product().then.iter().flat_map(Factors::iter));
+        stages.map(|matrix| matrix.entries()).sum()
     }
 
-    /// (height, width) of the image that the receivers resolve into.
+    /// What the rows are.
     #[getter]
-    fn image_shape(&self) -> PyResult<(usize, usize)> {
-        let [height, width] = self.file()?.manifest.image;
-        Ok((height, width))
+    fn receivers(&self) -> PyResult<ReceiverTable> {
+        Ok(ReceiverTable(self.file()?.receivers.clone()))
     }
 
-    /// The camera, as JSON text.
+    /// The camera, as JSON text; None where the receivers are not its pixels.
     #[getter]
-    fn camera(&self) -> PyResult<String> {
-        Ok(self.file()?.manifest.camera.get().to_owned())
+    fn camera(&self) -> PyResult<Option<String>> {
+        Ok(self.file()?.manifest.receivers.camera.as_ref().map(|camera| camera.get().to_owned()))
     }
 
     /// The plan by which M was computed, as JSON text.
@@ -206,78 +298,51 @@ impl Transport {
         Ok(self.file()?.manifest.scene.clone())
     }
 
+    /// [major, minor] of the format that the file is written in.
+    #[getter]
+    fn version(&self) -> PyResult<[u32; 2]> {
+        Ok(self.file()?.manifest.version)
+    }
+
     /// Bytes of all files, by name.
     #[getter]
     fn files(&self) -> PyResult<Vec<(String, u64)>> {
         Ok(self.file()?.manifest.files.iter().map(|entry| (entry.name.clone(), entry.bytes)).collect())
     }
 
-    /// The pixel of each row, (rows,) uint32.
-    #[getter]
-    fn pixel(&self, py: Python<'_>) -> PyResult<Py<PyArray1<u32>>> {
-        Ok(PyArray1::from_slice(py, &self.file()?.receivers.pixel).unbind())
-    }
-
-    /// The share of its pixel that each row is, (rows,) float32.
-    #[getter]
-    fn weight(&self, py: Python<'_>) -> PyResult<Py<PyArray1<f32>>> {
-        Ok(PyArray1::from_slice(py, &self.file()?.receivers.weight).unbind())
-    }
-
-    /// Diffuse reflectance, (rows, 3) float32.
-    #[getter]
-    fn albedo(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f32>>> {
-        self.per_row(py, |receivers| &receivers.albedo)
-    }
-
-    /// World coordinates, (rows, 3) float32.
-    #[getter]
-    fn position(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f32>>> {
-        self.per_row(py, |receivers| &receivers.position)
-    }
-
-    /// Shading normals, (rows, 3) float32.
-    #[getter]
-    fn normal(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f32>>> {
-        self.per_row(py, |receivers| &receivers.normal)
-    }
-
-    /// The material of each row, (rows,) uint16, or None.
-    #[getter]
-    fn material(&self, py: Python<'_>) -> PyResult<Option<Py<PyArray1<u16>>>> {
-        let material = &self.file()?.receivers.material;
-        Ok(material.as_ref().map(|items| PyArray1::from_slice(py, items).unbind()))
-    }
-
-    /// The share of each pixel that sees no surface, (height, width) float32.
-    #[getter]
-    fn background(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f32>>> {
-        let file = self.file()?;
-        Ok(PyArray1::from_slice(py, &file.receivers.background).reshape(file.manifest.image)?.unbind())
-    }
-
-    /// Norm of each stored row in each band, (rows, bands) float32, rounded up.
+    /// Norm of each stored row in each band (and channel), (rows, bands * channels) float32, rounded up.
     fn kept(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f32>>> {
         self.norms(py, |tile| &tile.kept)
     }
 
-    /// Norm of what each row lost in each band, (rows, bands) float32, never below the truth.
+    /// Norm of what each row lost in each band, likewise, never below the truth.
     fn dropped(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f32>>> {
         self.norms(py, |tile| &tile.dropped)
     }
 
-    /// One transport vector, dense: (columns,) float32.
-    fn row(&self, py: Python<'_>, row: usize) -> PyResult<Py<PyArray1<f32>>> {
-        if row >= self.matrix.rows {
-            return Err(PyIndexError::new_err(format!("expected a row below {}, got {row}", self.matrix.rows)));
+    /// One transport vector, dense: (columns, channels) float32.
+    fn row(&self, py: Python<'_>, row: usize) -> PyResult<Py<PyArray2<f32>>> {
+        let matrix = self.alone()?;
+        if row >= matrix.rows {
+            return Err(PyIndexError::new_err(format!("expected a row below {}, got {row}", matrix.rows)));
         }
-        Ok(self.matrix.row(row).into_pyarray(py).unbind())
+        let shape = [matrix.bands.columns(), matrix.channels.count()];
+        Ok(matrix.row(row).into_pyarray(py).reshape(shape)?.unbind())
     }
 
-    /// (indptr int64, indices int32, data float32) of a copy by rows.
+    /// (indptr int64, indices int32, data float32) of a copy of one channel by rows.
     #[allow(clippy::type_complexity)]
-    fn to_csr(&self, py: Python<'_>) -> PyResult<(Py<PyArray1<i64>>, Py<PyArray1<i32>>, Py<PyArray1<f32>>)> {
-        let csr = compute(py, || Ok(self.matrix.to_csr()))?;
+    fn to_csr(
+        &self,
+        py: Python<'_>,
+        channel: usize,
+    ) -> PyResult<(Py<PyArray1<i64>>, Py<PyArray1<i32>>, Py<PyArray1<f32>>)> {
+        let matrix = self.alone()?;
+        if channel >= matrix.channels.count() {
+            let count = matrix.channels.count();
+            return Err(PyIndexError::new_err(format!("expected a channel below {count}, got {channel}")));
+        }
+        let csr = compute(py, || Ok(matrix.to_csr(channel)))?;
         Ok((
             csr.indptr.into_pyarray(py).unbind(),
             csr.indices.into_pyarray(py).unbind(),
@@ -285,121 +350,126 @@ impl Transport {
         ))
     }
 
-    /// M^T y for y of (rows, k) float64: (columns, k) float64.
+    /// M^T y for y of (rows, k) float64: (columns, k) float64. With three channels k is 3, each colour by its own.
     fn transpose_multiply(&self, py: Python<'_>, y: PyReadonlyArray2<'_, f64>) -> PyResult<Py<PyArray2<f64>>> {
+        let matrix = self.alone()?;
         let (rows, k) = (y.shape()[0], y.shape()[1]);
-        if rows != self.matrix.rows || k == 0 {
-            let expected = self.matrix.rows;
-            return Err(PyValueError::new_err(format!("expected an array ({expected}, k >= 1), got ({rows}, {k})")));
+        if rows != matrix.rows || k == 0 || (matrix.channels == Channels::Three && k != 3) {
+            let wanted = if matrix.channels == Channels::Three { "3" } else { "k >= 1" };
+            let expected = matrix.rows;
+            return Err(PyValueError::new_err(format!("expected an array ({expected}, {wanted}), got ({rows}, {k})")));
         }
         let y: Vec<f64> = y.as_array().iter().copied().collect();
-        let product = compute(py, || Ok(self.matrix.transpose_multiply(&y, k)))?;
-        Ok(product.into_pyarray(py).reshape([self.matrix.bands.columns(), k])?.unbind())
+        let product = compute(py, || Ok(matrix.transpose_multiply(&y, k)))?;
+        Ok(product.into_pyarray(py).reshape([matrix.bands.columns(), k])?.unbind())
     }
 
-    /// L2 norm of each column, (columns,) float64.
+    /// L2 norm of each column of the first stage, over all of its matrices, (columns,) float64.
     fn column_norms(&self, py: Python<'_>) -> PyResult<Py<PyArray1<f64>>> {
-        Ok(compute(py, || Ok(self.matrix.column_norms()))?.into_pyarray(py).unbind())
+        let norms = compute(py, || {
+            let mut squares = vec![0.0; self.product().first.space().columns()];
+            for matrix in self.product().first.iter() {
+                let norms = matrix.column_norms();
+                squares.iter_mut().zip(norms).for_each(|(sum, norm): (&mut f64, f64)| *sum += norm * norm);
+            }
+            Ok(squares.into_iter().map(f64::sqrt).collect::<Vec<_>>())
+        })?;
+        Ok(norms.into_pyarray(py).unbind())
     }
 
-    /// Groups stored for each column, (columns,) uint32: what it costs to stream it.
-    fn column_entries(&self, py: Python<'_>) -> Py<PyArray1<u32>> {
-        self.matrix.column_entries().into_pyarray(py).unbind()
+    /// Bytes that a frame streams for each column of the first stage, (columns,) float64.
+    fn column_bytes(&self, py: Python<'_>) -> Py<PyArray1<f64>> {
+        let mut bytes = vec![0.0; self.product().first.space().columns()];
+        for matrix in self.product().first.iter() {
+            let entry = entry_bytes(width_of(matrix), matrix.channels) as f64;
+            let entries = matrix.column_entries();
+            bytes.iter_mut().zip(entries).for_each(|(sum, count): (&mut f64, u32)| *sum += entry * f64::from(count));
+        }
+        bytes.into_pyarray(py).unbind()
     }
 
-    /// The largest norm of a row, rounded up.
-    fn row_norm_max(&self) -> f64 {
-        self.matrix.row_norm_max()
+    /// L2 norm of each column of the second stage, (columns,) float64; None where there is one stage.
+    fn second_column_norms(&self, py: Python<'_>) -> PyResult<Option<Py<PyArray1<f64>>>> {
+        let Some(then) = &self.product().then else { return Ok(None) };
+        let norms = compute(py, || Ok(then.first().column_norms()))?;
+        Ok(Some(norms.into_pyarray(py).unbind()))
     }
 
-    /// The tiles, for a writer. Nothing is copied.
+    /// For each band of the first stage a factor: B is off by no more than the sum over bands of factor x |what is unsent in
+    /// the band| on its account. `mix`: (rows, factors) float32, where there are several.
+    #[pyo3(signature = (mix = None))]
+    fn error_factors(&self, py: Python<'_>, mix: Option<PyReadonlyArray2<'_, f32>>) -> PyResult<Py<PyArray1<f64>>> {
+        let mix = mix.map(|mix| mix_of(&mix)).transpose()?;
+        Ok(compute(py, || Ok(self.chain.error_factors(mix.as_ref())))?.into_pyarray(py).unbind())
+    }
+
+    /// The tiles of the receivers' matrix, for a writer. Nothing is copied.
     fn tiles(&self) -> Vec<TileData> {
-        self.matrix.tiles.iter().cloned().map(TileData).collect()
+        self.matrix().tiles.iter().cloned().map(TileData).collect()
     }
 
     /// (groups (n,) uint32, an in-memory Transport of 16 n untruncated rows), or None where the file has no audit.
     fn audit(&self, py: Python<'_>) -> PyResult<Option<(Py<PyArray1<u32>>, Transport)>> {
         let Some(audit) = &self.file()?.audit else { return Ok(None) };
         let groups = PyArray1::from_slice(py, &audit.groups).unbind();
-        let matrix = Arc::new(self.audit_matrix(audit));
-        Ok(Some((groups, compute(py, || Ok(Transport::new(matrix, None)))?)))
+        let matrix = audit_matrix(self.product().first.first(), audit);
+        Ok(Some((groups, compute(py, || Ok(Transport::new(Product::one(Arc::new(matrix)), None)))?)))
     }
 
-    /// B = M V for (k, columns, 3) float64: (k, rows, 3) float32.
+    /// B = M V for (k, columns, 3) float64: (k, rows, 3) float32. `mix`: (rows, factors) float32, where there are several.
+    #[pyo3(signature = (lights, mix = None))]
     fn multiply<'py>(
         &self,
         py: Python<'py>,
         lights: PyReadonlyArray3<'py, f64>,
+        mix: Option<PyReadonlyArray2<'py, f32>>,
     ) -> PyResult<Bound<'py, PyArray3<f32>>> {
-        let (count, rows) = (lights.shape()[0], self.matrix.rows);
-        let per_light = 3 * self.matrix.bands.columns();
+        let (rows, columns) = self.shape();
+        let count = lights.shape()[0];
         let flat = lights.as_slice()?;
+        let mix = mix.map(|mix| mix_of(&mix)).transpose()?;
         let out = compute(py, || {
-            let lights: Vec<&[[f64; 3]]> = flat.chunks_exact(per_light).map(|light| light.as_chunks().0).collect();
+            let lights: Vec<&[[f64; 3]]> = flat.chunks_exact(3 * columns).map(|light| light.as_chunks().0).collect();
             let mut out = vec![0f32; count * rows * 3];
-            multiply(&self.matrix, self.row_norm, &lights, &mut out)?;
+            self.chain.multiply(&lights, mix.as_ref(), &mut out)?;
             Ok(out)
         })?;
         out.into_pyarray(py).reshape([count, rows, 3])
     }
 
-    /// The picture of a response (rows, 3): (height, width, 3) float32, black where no surface is seen.
-    fn image<'py>(&self, py: Python<'py>, values: PyReadonlyArray2<'py, f32>) -> PyResult<Bound<'py, PyArray3<f32>>> {
-        let file = self.file()?;
-        let [height, width] = file.manifest.image;
-        let values = values.as_slice()?;
-        let mut picture = vec![0f32; 3 * height * width];
-        let ReceiverTable { pixel, weight, albedo, .. } = &file.receivers;
-        py.detach(|| resolve(&Rows { pixel, weight, albedo }, values, &mut picture));
-        picture.into_pyarray(py).reshape([height, width, 3])
-    }
-
     /// (threshold, expected relative L2 error, expected entries a group) for a tolerance, from the audit where there is
     /// one, else from all of M.
-    #[pyo3(signature = (tolerance, *, width = None, quantum = None))]
-    fn threshold_for(
-        &self,
-        py: Python<'_>,
-        tolerance: f64,
-        width: Option<&str>,
-        quantum: Option<i32>,
-    ) -> PyResult<(f64, f64, f64)> {
-        let rule = self.rule(0.0, width, quantum)?;
+    #[pyo3(signature = (tolerance, *, width = None))]
+    fn threshold_for(&self, py: Python<'_>, tolerance: f64, width: Option<&str>) -> PyResult<(f64, f64, f64)> {
+        let rule = self.rule(0.0, width)?;
+        let matrix = self.alone()?;
         let audit = self.file.as_ref().and_then(|file| file.audit.as_ref());
-        let choice = compute(py, || match audit {
-            Some(audit) => survey_stored(&self.audit_matrix(audit), &rule)?.threshold_for(tolerance),
-            None => survey_stored(&self.matrix, &rule)?.threshold_for(tolerance),
+        let threshold = compute(py, || match audit {
+            Some(audit) => survey_stored(&audit_matrix(matrix, audit), &rule)?.threshold_for(tolerance),
+            None => survey_stored(matrix, &rule)?.threshold_for(tolerance),
         })?;
-        Ok((choice.value, choice.error, choice.entries_per_group))
+        Ok((threshold.value, threshold.error, threshold.entries_per_group))
     }
 
     /// M under a coarser rule, in memory. The stated losses include what had been lost before.
-    #[pyo3(signature = (threshold, *, width = None, quantum = None))]
-    fn truncated(
-        &self,
-        py: Python<'_>,
-        threshold: f64,
-        width: Option<&str>,
-        quantum: Option<i32>,
-    ) -> PyResult<Transport> {
-        let rule = self.rule(threshold, width, quantum)?;
-        compute(py, || Ok(Transport::new(Arc::new(self.matrix.truncated(&rule)?), None)))
+    #[pyo3(signature = (threshold, *, width = None))]
+    fn truncated(&self, py: Python<'_>, threshold: f64, width: Option<&str>) -> PyResult<Transport> {
+        let rule = self.rule(threshold, width)?;
+        let matrix = self.alone()?;
+        compute(py, || Ok(Transport::new(Product::one(Arc::new(matrix.truncated(&rule)?)), None)))
     }
 
     /// Writes M under a coarser rule as a transport of its own, shard by shard, with the same receivers and audit.
-    #[pyo3(signature = (path, threshold, *, plan, width = None, quantum = None, progress = None))]
-    #[allow(clippy::too_many_arguments)]
+    #[pyo3(signature = (path, threshold, *, plan, progress = None))]
     fn truncate_to(
         &self,
         py: Python<'_>,
         path: PathBuf,
         threshold: f64,
         plan: String,
-        width: Option<&str>,
-        quantum: Option<i32>,
         progress: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<()> {
-        let rule = self.rule(threshold, width, quantum)?;
+        let rule = self.rule(threshold, None)?;
         let file = self.file()?;
         interruptible(py, progress, |watch| {
             let step = |tiles: usize| watch.advance(tiles as u64);
@@ -413,21 +483,40 @@ impl Transport {
     }
 }
 
-impl Transport {
-    fn audit_matrix(&self, audit: &Audit) -> TransportMatrix {
-        TransportMatrix {
-            space: self.matrix.space,
-            bands: self.matrix.bands.clone(),
-            rows: audit.tile.rows,
-            quantum: self.matrix.quantum,
-            tile_rows: audit.tile.rows,
-            tiles: vec![audit.tile.clone()],
-        }
+fn mix_of(weights: &PyReadonlyArray2<'_, f32>) -> Result<Mix> {
+    Mix::new(weights.as_array().iter().copied().collect(), weights.shape()[1])
+}
+
+fn audit_matrix(matrix: &TransportMatrix, audit: &Audit) -> TransportMatrix {
+    TransportMatrix {
+        space: matrix.space,
+        bands: matrix.bands.clone(),
+        rows: audit.tile.rows,
+        channels: matrix.channels,
+        quantum: matrix.quantum,
+        tile_rows: audit.tile.rows,
+        tiles: vec![audit.tile.clone()],
     }
+}
+
+/// Bytes of an entry: its word, and the integers of 16 rows.
+fn entry_bytes(width: Width, channels: Channels) -> usize {
+    2 + GROUP * channels.count() * if width == Width::I8 { 1 } else { 2 }
+}
+
+/// Bytes of an entry with integers "i8" or "i16" in one or three channels.
+#[pyfunction(name = "entry_bytes")]
+fn entry_bytes_of(width: &str, channels: usize) -> PyResult<usize> {
+    Ok(entry_bytes(parse_width(width)?, Channels::from_count(channels)?))
 }
 
 pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<TileData>()?;
+    module.add_class::<Link>()?;
     module.add_class::<Transport>()?;
+    module.add_function(wrap_pyfunction!(entry_bytes_of, module)?)?;
+    // Numbers of the format, for those who plan: rows of a group, and tiles of a file.
+    module.add("GROUP", GROUP)?;
+    module.add("TILES_PER_SHARD", TILES_PER_SHARD)?;
     Ok(())
 }

@@ -1,91 +1,110 @@
-//! Choosing, from Python: `Approximation`, and the settings that every follower of V takes.
+//! Choosing, from Python: methods and settings, and an `Approximation` that needs no matrix.
 
 use std::sync::Mutex;
 
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 
 use crate::basis::{Bands, ColumnSpace};
-use crate::error::{Error, Result};
-use crate::update::{self, BandTest, Budget, Colours, Method, Norm, Settings};
+use crate::error::Error;
+use crate::update::{self, BandTest, Budget, Colours, Norm, Settings as Core};
 
-use super::light::table;
+use super::arrays::{coefficients, table, to_vec};
 use super::{compute_on, look_at};
 
-/// The dictionary that `approximation.settings` makes; the dataclasses of `methods.py` have checked its words.
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
-pub(super) struct SettingsItems<'py> {
-    method: String,
-    terms: Option<usize>,
-    cost: Option<f64>,
-    error: Option<f64>,
-    factors: Vec<f64>,
-    weights: PyReadonlyArray1<'py, f64>,
-    costs: Option<PyReadonlyArray1<'py, f64>>,
-    test: String,
-    norm: String,
-    fixed: usize,
-    tolerance: f64,
-    separate: bool,
-}
+/// How the columns of a frame are chosen: what the dataclasses of `deltalux.update.methods` stand for.
+#[pyclass(frozen, module = "deltalux._core")]
+pub(super) struct Method(update::Method);
 
-impl SettingsItems<'_> {
-    pub(super) fn settings(&self) -> Result<Settings> {
-        let list = |array: &PyReadonlyArray1<f64>| array.as_array().to_vec();
-        Ok(Settings {
-            method: self.method()?,
-            budget: match (self.terms, self.cost, self.error) {
-                (Some(terms), None, None) => Budget::Terms(terms),
-                (None, Some(cost), None) => Budget::Cost(cost),
-                (None, None, Some(tolerance)) => Budget::Error { tolerance, factors: self.factors.clone() },
-                _ => return Err(Error::input("expected one budget: in terms, in cost or in error")),
-            },
-            weights: list(&self.weights),
-            costs: self.costs.as_ref().map(list).unwrap_or_default(),
-            channels: if self.separate { Colours::Separate } else { Colours::Joint },
-        })
+#[pymethods]
+impl Method {
+    /// Every column that differs.
+    #[staticmethod]
+    fn full() -> Self {
+        Method(update::Method::Full)
     }
 
-    fn method(&self) -> Result<Method> {
-        Ok(match self.method.as_str() {
-            "full" => Method::Full,
-            "nonlinear" => Method::Nonlinear,
-            "linear" => Method::Linear,
-            "incremental" => Method::Incremental,
-            "per-band" => Method::PerBand { test: self.test()?, norm: self.norm()? },
-            "harmonic-order" => Method::HarmonicOrder { tolerance: self.tolerance },
-            other => return Err(Error::input(format!("unknown update method {other:?}"))),
-        })
+    /// The largest terms of the light, from black.
+    #[staticmethod]
+    fn nonlinear() -> Self {
+        Method(update::Method::Nonlinear)
     }
 
-    fn test(&self) -> Result<BandTest> {
-        match self.test.as_str() {
-            "simple" => Ok(BandTest::Simple),
-            "dealer" => Ok(BandTest::Dealer),
-            "exhaustive" => Ok(BandTest::Exhaustive),
-            "fixed" => Ok(BandTest::Fixed { incremental: self.fixed }),
-            other => Err(Error::input(format!("unknown band test {other:?}"))),
-        }
+    /// The first columns of the light, from black.
+    #[staticmethod]
+    fn linear() -> Self {
+        Method(update::Method::Linear)
     }
 
-    fn norm(&self) -> Result<Norm> {
-        match self.norm.as_str() {
-            "l1" => Ok(Norm::L1),
-            "l2" => Ok(Norm::L2),
-            other => Err(Error::input(format!("unknown norm {other:?}"))),
-        }
+    /// The largest changes.
+    #[staticmethod]
+    fn incremental() -> Self {
+        Method(update::Method::Incremental)
+    }
+
+    /// Each band reset or not, as a test decides: "simple", "dealer", "exhaustive", or "fixed" with so many coarse bands
+    /// that never are; the norm is "l1" or "l2".
+    #[staticmethod]
+    #[pyo3(signature = (*, test, norm, fixed))]
+    fn per_band(test: &str, norm: &str, fixed: Option<usize>) -> PyResult<Self> {
+        let test = match (test, fixed) {
+            ("simple", None) => BandTest::Simple,
+            ("dealer", None) => BandTest::Dealer,
+            ("exhaustive", None) => BandTest::Exhaustive,
+            ("fixed", Some(incremental)) => BandTest::Fixed { incremental },
+            _ => return Err(Error::input(format!("unknown band test {test:?} with fixed={fixed:?}")).into()),
+        };
+        let norm = match norm {
+            "l1" => Norm::L1,
+            "l2" => Norm::L2,
+            other => return Err(Error::input(format!("unknown norm {other:?}")).into()),
+        };
+        Ok(Method(update::Method::PerBand { test, norm }))
+    }
+
+    /// Low bands first, each to a tolerance.
+    #[staticmethod]
+    #[pyo3(signature = (*, tolerance))]
+    fn harmonic_order(tolerance: f64) -> Self {
+        Method(update::Method::HarmonicOrder { tolerance })
     }
 }
 
-/// The rows of a (columns, 3) array in C order.
-pub(super) fn coefficients<'a>(array: &'a PyReadonlyArray2<f64>) -> Result<&'a [[f64; 3]]> {
-    match array.as_slice() {
-        Ok(flat) if array.shape()[1] == 3 => Ok(bytemuck::cast_slice(flat)),
-        _ => Err(Error::input(format!(
-            "expected coefficients of shape (columns, 3) in C order, got shape {:?}",
-            array.shape()
-        ))),
+/// All that choosing is told of one stage.
+#[pyclass(frozen, module = "deltalux._core")]
+pub(super) struct Settings(pub(super) Core);
+
+#[pymethods]
+impl Settings {
+    /// Exactly one budget is given: `terms`, `cost` in the unit of `costs`, or `error` with one of `factors` a band.
+    /// weights, costs (columns,), factors (bands,) float64. `separate`: a term changes one colour of a column.
+    #[new]
+    #[pyo3(signature = (method, *, weights, terms = None, cost = None, error = None, factors = None, costs = None, separate = false))]
+    #[allow(clippy::too_many_arguments)]
+    fn new(
+        method: &Method,
+        weights: PyReadonlyArray1<'_, f64>,
+        terms: Option<usize>,
+        cost: Option<f64>,
+        error: Option<f64>,
+        factors: Option<PyReadonlyArray1<'_, f64>>,
+        costs: Option<PyReadonlyArray1<'_, f64>>,
+        separate: bool,
+    ) -> PyResult<Self> {
+        let list = |array: Option<&PyReadonlyArray1<'_, f64>>| array.map(to_vec).unwrap_or_default();
+        let budget = match (terms, cost, error) {
+            (Some(terms), None, None) => Budget::Terms(terms),
+            (None, Some(cost), None) => Budget::Cost(cost),
+            (None, None, Some(tolerance)) => Budget::Error { tolerance, factors: list(factors.as_ref()) },
+            _ => return Err(Error::input("expected one budget: in terms, in cost or in error").into()),
+        };
+        Ok(Settings(Core {
+            method: method.0,
+            budget,
+            weights: to_vec(&weights),
+            costs: list(costs.as_ref()),
+            colours: if separate { Colours::Separate } else { Colours::Joint },
+        }))
     }
 }
 
@@ -99,7 +118,10 @@ pub(super) fn update_arrays<'py>(py: Python<'py>, update: update::Update) -> PyR
     Ok((columns, changes, update.resets))
 }
 
-/// A copy of V that follows it within a budget (`update/approximation.rs`).
+/// Somebody else's choice: bands to reset, and columns in the order of their worth.
+pub(super) type Given<'py> = (Vec<usize>, PyReadonlyArray1<'py, u32>);
+
+/// A copy of V that follows it within a budget (`update/choosing/approximation.rs`).
 #[pyclass(frozen, module = "deltalux._core")]
 struct Approximation {
     state: Mutex<update::Approximation>,
@@ -109,9 +131,9 @@ struct Approximation {
 impl Approximation {
     /// `starts`: the first column of every band, then the number of columns; `areas`: one a column.
     #[new]
-    fn new(starts: Vec<usize>, areas: Vec<f64>, settings: SettingsItems) -> PyResult<Self> {
-        let state = update::Approximation::new(Bands { starts, areas }, settings.settings()?)?;
-        Ok(Approximation { state: Mutex::new(state) })
+    fn new(starts: Vec<usize>, areas: Vec<f64>, settings: &Settings) -> PyResult<Self> {
+        let bands = Bands { starts, areas, always: 0 };
+        Ok(Approximation { state: Mutex::new(update::Approximation::new(bands, settings.0.clone())?) })
     }
 
     /// The number of columns.
@@ -119,9 +141,20 @@ impl Approximation {
         look_at(py, &self.state, |state| state.bands().columns())
     }
 
-    fn step<'py>(&self, py: Python<'py>, target: PyReadonlyArray2<'py, f64>) -> PyResult<UpdateArrays<'py>> {
+    /// One step towards `target`; `given`: by a choice from outside, within the budget.
+    #[pyo3(signature = (target, given = None))]
+    fn step<'py>(
+        &self,
+        py: Python<'py>,
+        target: PyReadonlyArray2<'py, f64>,
+        given: Option<Given<'py>>,
+    ) -> PyResult<UpdateArrays<'py>> {
         let target = coefficients(&target)?;
-        let update = compute_on(py, &self.state, |state| state.step(target))?;
+        let given = given.map(|(resets, columns)| (resets, to_vec(&columns)));
+        let update = compute_on(py, &self.state, |state| match &given {
+            None => state.step(target),
+            Some((resets, columns)) => state.step_given(target, resets, columns),
+        })?;
         update_arrays(py, update)
     }
 
@@ -148,6 +181,8 @@ fn column_bands<'py>(py: Python<'py>, columns: &str) -> PyResult<(Vec<usize>, Bo
 }
 
 pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<Method>()?;
+    module.add_class::<Settings>()?;
     module.add_class::<Approximation>()?;
     module.add_function(wrap_pyfunction!(column_bands, module)?)?;
     Ok(())

@@ -3,15 +3,19 @@
 use std::path::PathBuf;
 use std::sync::Mutex;
 
-use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::transport::file::manifest::TILES_PER_SHARD;
-use crate::transport::{Audit, Description, ReceiverTable, Tile, Writer};
+use crate::transport::{self as core, Audit, Channels, Description, Part, Tile, Writer};
 
-use super::transport::{TileData, parse_width};
+use super::arrays::to_vec;
+use super::receivers::ReceiverTable;
+use super::transport::{Link, TileData, parse_width};
 use super::{compute, compute_on, look_at};
+
+/// Name, columns, rows, channels, quantum, width and rows of a tile of a part.
+type PartTuple = (String, String, usize, usize, i32, String, usize);
 
 /// Writes a transport shard by shard; the target is only touched when all is whole.
 #[pyclass(frozen, module = "deltalux._core")]
@@ -30,88 +34,63 @@ impl TransportWriter {
         Ok(TransportWriter(Mutex::new(Some(writer))))
     }
 
-    /// Tiles in a shard.
-    #[classattr]
-    const TILES_PER_SHARD: usize = TILES_PER_SHARD;
-
-    /// Numbers of the shards that need not be computed again, ascending.
-    fn finished(&self, py: Python<'_>) -> PyResult<Vec<usize>> {
-        Ok(look_at(py, &self.0, |writer| writer.as_ref().map(Writer::finished)).ok_or_else(finished_error)?)
+    /// Numbers of the shards of a part that need not be computed again, ascending.
+    fn finished(&self, py: Python<'_>, part: &str) -> PyResult<Vec<usize>> {
+        Ok(look_at(py, &self.0, |writer| writer.as_ref().map(|writer| writer.finished(part)))
+            .ok_or_else(finished_error)?)
     }
 
-    /// Writes the tiles of a shard (tiles 4 number, 4 number + 1, ...); returns the bytes written.
-    fn write_shard(&self, py: Python<'_>, number: usize, tiles: Vec<Py<TileData>>) -> PyResult<u64> {
+    /// Writes the tiles of a shard of a part (tiles 4 number, 4 number + 1, ...); returns the bytes written.
+    fn write_shard(&self, py: Python<'_>, part: &str, number: usize, tiles: Vec<Py<TileData>>) -> PyResult<u64> {
         let tiles: Vec<Tile> = tiles.iter().map(|tile| tile.get().0.clone()).collect();
-        compute_on(py, &self.0, |writer| writer.as_mut().ok_or_else(finished_error)?.write_shard(number, &tiles))
+        compute_on(py, &self.0, |writer| writer.as_mut().ok_or_else(finished_error)?.write_shard(part, number, &tiles))
     }
 
     /// Writes the receivers, the audit and the manifest, checks everything, and puts the result in its place.
     ///
-    /// pixel (rows,) uint32; weight (rows,), albedo, position, normal (rows, 3), background (height * width,) float32;
-    /// material (rows,) uint16; audit: (groups (n,) uint32, one tile of 16 n rows in 16 bits).
-    #[pyo3(signature = (
-        *, columns, rows, quantum, width, tile_rows, image, camera, plan, scene,
-        pixel, weight, albedo, position, normal, background, material = None, audit = None
-    ))]
+    /// parts: (name, columns, rows, channels, quantum, width, tile_rows) in the order of the chain, of which `first` are the
+    /// first stage; link: what leads on from it; audit: (groups (n,) uint32, one tile of 16 n rows in 16 bits).
+    #[pyo3(signature = (*, parts, receivers, plan, scene, camera = None, first = 1, link = None, audit = None))]
     #[allow(clippy::too_many_arguments)]
     fn finish(
         &self,
         py: Python<'_>,
-        columns: &str,
-        rows: usize,
-        quantum: i32,
-        width: &str,
-        tile_rows: usize,
-        image: (usize, usize),
-        camera: String,
+        parts: Vec<PartTuple>,
+        receivers: &Bound<'_, ReceiverTable>,
         plan: String,
         scene: String,
-        pixel: PyReadonlyArray1<'_, u32>,
-        weight: PyReadonlyArray1<'_, f32>,
-        albedo: PyReadonlyArray2<'_, f32>,
-        position: PyReadonlyArray2<'_, f32>,
-        normal: PyReadonlyArray2<'_, f32>,
-        background: PyReadonlyArray1<'_, f32>,
-        material: Option<PyReadonlyArray1<'_, u16>>,
+        camera: Option<String>,
+        first: usize,
+        link: Option<&Link>,
         audit: Option<(PyReadonlyArray1<'_, u32>, Py<TileData>)>,
     ) -> PyResult<()> {
+        let part = |(name, columns, rows, channels, quantum, width, tile_rows): PartTuple| {
+            Ok(Part {
+                name,
+                space: columns.parse()?,
+                rows,
+                channels: Channels::from_count(channels)?,
+                quantum,
+                width: parse_width(&width)?,
+                tile_rows,
+            })
+        };
         let about = Description {
-            space: columns.parse()?,
-            rows,
-            quantum,
-            width: parse_width(width)?,
-            tile_rows,
-            image: [image.0, image.1],
+            parts: parts.into_iter().map(part).collect::<Result<_>>()?,
+            first,
+            link: link.map_or(core::Link::None, |link| link.0.clone()),
             camera,
             plan,
             scene,
         };
-        let receivers = ReceiverTable {
-            pixel: to_vec(&pixel).into(),
-            weight: to_vec(&weight).into(),
-            albedo: to_vec_of_rows("albedo", &albedo, rows)?.into(),
-            position: to_vec_of_rows("position", &position, rows)?.into(),
-            normal: to_vec_of_rows("normal", &normal, rows)?.into(),
-            material: material.as_ref().map(|material| to_vec(material).into()),
-            background: to_vec(&background).into(),
-        };
+        let table = &receivers.get().0;
         let audit = audit.map(|(groups, tile)| Audit { groups: to_vec(&groups).into(), tile: tile.get().0.clone() });
         compute_on(py, &self.0, |writer| {
-            receivers.check(rows, about.image).map_err(Error::Input)?;
-            writer.take().ok_or_else(finished_error)?.finish(&about, &receivers, audit.as_ref())
+            // What cannot be right is refused before anything of the run is given up.
+            table.check(about.receiving_rows()?).map_err(Error::Input)?;
+            writer.take().ok_or_else(finished_error)?.finish(&about, table, audit.as_ref())
         })
     }
-}
-
-fn to_vec<T: numpy::Element + Copy>(array: &PyReadonlyArray1<'_, T>) -> Vec<T> {
-    array.as_array().iter().copied().collect()
-}
-
-fn to_vec_of_rows(name: &str, array: &PyReadonlyArray2<'_, f32>, rows: usize) -> Result<Vec<f32>> {
-    if array.shape() != [rows, 3] {
-        return Err(Error::input(format!("expected {name} of shape ({rows}, 3), got {:?}", array.shape())));
-    }
-    Ok(array.as_array().iter().copied().collect())
 }
 
 pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {

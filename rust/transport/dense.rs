@@ -3,36 +3,48 @@
 use crate::basis::ColumnSpace;
 use crate::error::{Error, Result};
 
-use super::entry::{GROUP, MAX_TILE_ROWS, Rows16};
+use super::entry::{Channels, GROUP, MAX_TILE_ROWS, Rows16};
 use super::matrix::TransportMatrix;
 use super::tile::{CompressedGroup, Tile};
 use super::truncate::{Truncation, compress_group};
 
-/// `rows` x `columns` numbers, row-major.
+/// `rows` x `columns` x `channels` numbers, row-major.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dense {
     pub rows: usize,
     pub columns: usize,
+    pub channels: Channels,
     pub values: Vec<f64>,
 }
 
 impl Dense {
+    /// One channel.
     pub fn new(rows: usize, columns: usize, values: Vec<f64>) -> Self {
-        assert_eq!(values.len(), rows * columns);
-        Dense { rows, columns, values }
+        Self::with_channels(rows, columns, Channels::One, values)
     }
 
+    pub fn with_channels(rows: usize, columns: usize, channels: Channels, values: Vec<f64>) -> Self {
+        assert_eq!(values.len(), rows * columns * channels.count());
+        Dense { rows, columns, channels, values }
+    }
+
+    /// Columns x channels.
     pub fn row(&self, row: usize) -> &[f64] {
-        &self.values[row * self.columns..(row + 1) * self.columns]
+        let length = self.columns * self.channels.count();
+        &self.values[row * length..(row + 1) * length]
     }
 
-    /// M V for `v` of `columns` x `k`, as `rows` x `k`: plain sums from the first column to the last.
+    /// M V for `v` of `columns` x `k`, as `rows` x `k`: plain sums from the first column to the last. With three channels
+    /// k is 3, and each colour has its own.
     pub fn multiply(&self, v: &[f64], k: usize) -> Vec<f64> {
         assert_eq!(v.len(), self.columns * k);
+        assert!(self.channels == Channels::One || k == 3);
         let mut product = vec![0.0; self.rows * k];
         for (row, out) in product.chunks_mut(k).enumerate() {
-            for (value, v) in self.row(row).iter().zip(v.chunks(k)) {
-                out.iter_mut().zip(v).for_each(|(sum, v)| *sum += value * v);
+            for (values, v) in self.row(row).chunks(self.channels.count()).zip(v.chunks(k)) {
+                for (colour, (sum, v)) in out.iter_mut().zip(v).enumerate() {
+                    *sum += values[self.channels.of(colour)] * v;
+                }
             }
         }
         product
@@ -41,7 +53,7 @@ impl Dense {
     /// All rows of a compressed matrix.
     pub fn of(matrix: &TransportMatrix) -> Dense {
         let rows = (0..matrix.rows).flat_map(|row| matrix.row(row)).map(f64::from);
-        Dense::new(matrix.rows, matrix.bands.columns(), rows.collect())
+        Dense::with_channels(matrix.rows, matrix.bands.columns(), matrix.channels, rows.collect())
     }
 
     /// Compresses by a rule, in memory. Values are taken as 32-bit floats, as a pass delivers them.
@@ -60,22 +72,28 @@ impl Dense {
             let rows = tile_rows.min(self.rows - first);
             let groups = (first..first + rows).step_by(GROUP).map(|row| {
                 let mut group = CompressedGroup::default();
-                compress_group(&self.lanes(row), &bands, rule, &mut group).map(|()| group)
+                let planes = self.planes(row);
+                let planes: Vec<&[Rows16]> = planes.iter().map(Vec::as_slice).collect();
+                compress_group(&planes, &bands, rule, &mut group).map(|()| group)
             });
-            Ok(Tile::assemble(rows, self.columns, rule.width, &groups.collect::<Result<Vec<_>>>()?))
+            Ok(Tile::assemble(rows, self.columns, self.channels, rule.width, &groups.collect::<Result<Vec<_>>>()?))
         });
         let tiles = tiles.collect::<Result<_>>()?;
-        Ok(TransportMatrix { space, bands, rows: self.rows, quantum: rule.quantum, tile_rows, tiles })
+        let (rows, channels) = (self.rows, self.channels);
+        Ok(TransportMatrix { space, bands, rows, channels, quantum: rule.quantum, tile_rows, tiles })
     }
 
-    /// 16 rows as a pass hands them over; rows after the last are zero.
-    pub fn lanes(&self, first: usize) -> Vec<Rows16> {
-        let mut lanes = vec![[0.0; GROUP]; self.columns];
+    /// 16 rows as a pass hands them over, channel by channel; rows after the last are zero.
+    pub fn planes(&self, first: usize) -> Vec<Vec<Rows16>> {
+        let channels = self.channels.count();
+        let mut planes = vec![vec![[0.0; GROUP]; self.columns]; channels];
         for row in first..self.rows.min(first + GROUP) {
-            for (lane, &value) in lanes.iter_mut().zip(self.row(row)) {
-                lane[row - first] = value as f32;
+            for (column, values) in self.row(row).chunks(channels).enumerate() {
+                for (plane, &value) in planes.iter_mut().zip(values) {
+                    plane[column][row - first] = value as f32;
+                }
             }
         }
-        lanes
+        planes
     }
 }

@@ -12,10 +12,48 @@ pub const GROUP_BITS: u32 = 10;
 /// One column of a group: its coefficient in each of the 16 rows.
 pub type Rows16 = [f32; GROUP];
 
+/// The most bits from a row's unit to its norm with which sums with light stay exact (`update/multiplying/grid.rs`).
+pub const MAX_SPAN: i32 = 27;
 /// Stored values stay below 2^20, so that sums of them cannot overflow anything.
 pub const MAX_EXPONENT: i32 = 20;
 /// The least quantum, so that every intermediate value is an ordinary f32.
 pub const MIN_QUANTUM: i32 = -64;
+
+/// How many numbers an entry holds for each row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Channels {
+    /// One, which serves red, green and blue alike.
+    One,
+    /// Red, green and blue, each with its own.
+    Three,
+}
+
+impl Channels {
+    /// Numbers for each row and column.
+    pub const fn count(self) -> usize {
+        match self {
+            Channels::One => 1,
+            Channels::Three => 3,
+        }
+    }
+
+    /// Which of them a colour uses.
+    pub const fn of(self, colour: usize) -> usize {
+        match self {
+            Channels::One => 0,
+            Channels::Three => colour,
+        }
+    }
+
+    /// The channels that are so many.
+    pub fn from_count(count: usize) -> Result<Self> {
+        match count {
+            1 => Ok(Channels::One),
+            3 => Ok(Channels::Three),
+            _ => Err(Error::input(format!("expected 1 or 3 channels, found {count}"))),
+        }
+    }
+}
 
 /// How wide the stored integers are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

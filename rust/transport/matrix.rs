@@ -8,18 +8,19 @@ use rayon::prelude::*;
 use crate::basis::{Bands, ColumnSpace};
 use crate::error::Result;
 
-use super::entry::{GROUP, Rows16, bf16, group_of};
+use super::entry::{Channels, GROUP, Rows16, bf16, group_of};
 use super::tile::Tile;
 use super::truncate::Truncation;
 
 /// Columns that one thread takes at a time where the work goes by columns.
 const COLUMNS: usize = 256;
 
-/// M: `rows` receivers by `bands.columns()` columns, one channel.
+/// M: `rows` receivers by `bands.columns()` columns, for all colours alike or for each its own.
 pub struct TransportMatrix {
     pub space: ColumnSpace,
     pub bands: Bands,
     pub rows: usize,
+    pub channels: Channels,
     /// Every value of M is an integer times 2^quantum.
     pub quantum: i32,
     /// Rows of every tile but the last; a multiple of `GROUP`.
@@ -46,25 +47,28 @@ impl TransportMatrix {
         self.tiles.iter().map(|tile| tile.words.len()).sum()
     }
 
-    /// One transport vector, dense. Every stored value is a 32-bit float exactly.
+    /// One transport vector, dense: columns x channels. Every stored value is a 32-bit float exactly.
     pub fn row(&self, row: usize) -> Vec<f32> {
         let tile = &self.tiles[row / self.tile_rows];
         let (group, lane) = (row % self.tile_rows / GROUP, row % GROUP);
-        let mut dense = vec![0.0; self.bands.columns()];
-        for (column, range) in tile.starts.windows(2).enumerate() {
+        let channels = self.channels.count();
+        let mut dense = vec![0.0; self.bands.columns() * channels];
+        for (range, values) in tile.starts.windows(2).zip(dense.chunks_exact_mut(channels)) {
             let (start, end) = (range[0] as usize, range[1] as usize);
             // Groups ascend inside a column.
             let entry = start + tile.words[start..end].partition_point(|&word| group_of(word) < group);
             if entry < end && group_of(tile.words[entry]) == group {
-                dense[column] = tile.lanes(entry, self.quantum)[lane];
+                for (channel, value) in values.iter_mut().enumerate() {
+                    *value = tile.lanes(entry, channel, self.quantum)[lane];
+                }
             }
         }
         dense
     }
 
-    /// A copy by rows, without the zeros that groups hold.
-    pub fn to_csr(&self) -> Csr {
-        let parts: Vec<Csr> = self.tiles.par_iter().map(|tile| tile.to_csr(self.quantum)).collect();
+    /// A copy of one channel by rows, without the zeros that groups hold.
+    pub fn to_csr(&self, channel: usize) -> Csr {
+        let parts: Vec<Csr> = self.tiles.par_iter().map(|tile| tile.to_csr(channel, self.quantum)).collect();
         let entries = parts.iter().map(|part| part.data.len()).sum();
         let mut all = Csr {
             indptr: Vec::with_capacity(self.rows + 1),
@@ -81,24 +85,27 @@ impl TransportMatrix {
         all
     }
 
-    /// M^T y for `y` of `rows` x `k`, as `columns` x `k`. Each sum runs down the rows: the same on any number of
-    /// threads.
+    /// M^T y for `y` of `rows` x `k`, as `columns` x `k`; with three channels k is 3, each colour by its own. Each sum runs
+    /// down the rows: the same on any number of threads.
     pub fn transpose_multiply(&self, y: &[f64], k: usize) -> Vec<f64> {
         assert_eq!(y.len(), self.rows * k);
+        assert!(self.channels == Channels::One || k == 3);
         let mut product = vec![0.0; self.bands.columns() * k];
-        self.by_columns(&mut product, k, |row, lanes, out| {
+        self.by_columns(&mut product, k, |row, channel, lanes, out| {
             for (lane, &value) in lanes.iter().enumerate().take(self.rows - row) {
                 let of_row = &y[(row + lane) * k..(row + lane + 1) * k];
-                out.iter_mut().zip(of_row).for_each(|(sum, y)| *sum += f64::from(value) * y);
+                let sums = out.iter_mut().zip(of_row).enumerate();
+                sums.filter(|(colour, _)| self.channels.of(*colour) == channel)
+                    .for_each(|(_, (sum, y))| *sum += f64::from(value) * y);
             }
         });
         product
     }
 
-    /// The L2 norm of each column.
+    /// The L2 norm of each column, over all channels.
     pub fn column_norms(&self) -> Vec<f64> {
         let mut norms = vec![0.0; self.bands.columns()];
-        self.by_columns(&mut norms, 1, |_, lanes, out| {
+        self.by_columns(&mut norms, 1, |_, _, lanes, out| {
             out[0] += lanes.iter().map(|&value| f64::from(value) * f64::from(value)).sum::<f64>();
         });
         norms.iter_mut().for_each(|norm: &mut f64| *norm = norm.sqrt());
@@ -116,11 +123,14 @@ impl TransportMatrix {
         entries
     }
 
-    /// The largest norm of a row, rounded up.
-    pub fn row_norm_max(&self) -> f64 {
-        let norm = |bands: &[u16]| bands.iter().map(|&bits| f64::from(bf16(bits)).powi(2)).sum::<f64>().sqrt();
-        let rows = self.tiles.iter().flat_map(|tile| tile.kept.chunks_exact(self.bands.count()));
-        rows.map(norm).fold(0.0, f64::max)
+    /// The squared norms of all rows of a tile, in each channel: `[row][channel]`, rounded up.
+    pub fn row_squares<'a>(&self, tile: &'a Tile) -> impl Iterator<Item = f64> + use<'a> {
+        let channels = self.channels.count();
+        let a_row = self.bands.count() * channels;
+        tile.kept.chunks_exact(a_row).flat_map(move |norms| {
+            let square = |bits: &u16| f64::from(bf16(*bits)).powi(2);
+            (0..channels).map(move |channel| norms[channel..].iter().step_by(channels).map(square).sum::<f64>())
+        })
     }
 
     /// M under a coarser rule, tile by tile. What its rows are stated to lose includes what they had lost before.
@@ -130,21 +140,24 @@ impl TransportMatrix {
             space: self.space,
             bands: self.bands.clone(),
             rows: self.rows,
+            channels: self.channels,
             quantum: rule.quantum,
             tile_rows: self.tile_rows,
             tiles: tiles.collect::<Result<_>>()?,
         })
     }
 
-    /// Calls `add(first row, 16 values, the column's k results)` for all entries, down each column; columns in
+    /// Calls `add(first row, channel, 16 values, the column's k results)` for all entries, down each column; columns in
     /// parallel.
-    fn by_columns(&self, results: &mut [f64], k: usize, add: impl Fn(usize, &Rows16, &mut [f64]) + Sync) {
+    fn by_columns(&self, results: &mut [f64], k: usize, add: impl Fn(usize, usize, &Rows16, &mut [f64]) + Sync) {
         results.par_chunks_mut((COLUMNS * k).max(1)).enumerate().for_each(|(chunk, results)| {
             for (number, tile) in self.tiles.iter().enumerate() {
                 for (column, out) in (chunk * COLUMNS..).zip(results.chunks_mut(k)) {
                     for entry in tile.starts[column] as usize..tile.starts[column + 1] as usize {
                         let row = number * self.tile_rows + group_of(tile.words[entry]) * GROUP;
-                        add(row, &tile.lanes(entry, self.quantum), out);
+                        for channel in 0..self.channels.count() {
+                            add(row, channel, &tile.lanes(entry, channel, self.quantum), out);
+                        }
                     }
                 }
             }
@@ -153,11 +166,12 @@ impl TransportMatrix {
 }
 
 impl Tile {
-    fn to_csr(&self, quantum: i32) -> Csr {
+    fn to_csr(&self, channel: usize, quantum: i32) -> Csr {
         let (starts, entries) = self.by_group();
         let mut csr = Csr { indptr: vec![0], indices: Vec::new(), data: Vec::new() };
         for group in starts.windows(2).map(|range| &entries[range[0] as usize..range[1] as usize]) {
-            let lanes: Vec<Rows16> = group.iter().map(|&(_, entry)| self.lanes(entry as usize, quantum)).collect();
+            let lanes: Vec<Rows16> =
+                group.iter().map(|&(_, entry)| self.lanes(entry as usize, channel, quantum)).collect();
             for lane in 0..GROUP.min(self.rows + 1 - csr.indptr.len()) {
                 for (&(column, _), values) in group.iter().zip(&lanes) {
                     if values[lane] != 0.0 {

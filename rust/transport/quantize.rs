@@ -12,43 +12,54 @@ pub const BLOCK: usize = 64;
 /// The largest shift that an entry's word can hold (6 bits).
 const MAX_SHIFT: i32 = 63;
 
-/// What screening drops, lane by lane.
-#[derive(Default)]
-pub struct Screened {
+/// What screening drops, channel by channel and lane by lane.
+pub struct Screened<const C: usize> {
     /// Bit k is set where column k stays.
     pub mask: u64,
     /// Squares of the others.
-    pub energy: Rows16,
+    pub energy: [Rows16; C],
     /// Bits of the others, signs aside: zero only where a lane loses exactly nothing.
-    pub bits: [u32; GROUP],
+    pub bits: [[u32; GROUP]; C],
 }
 
 /// An entry as integers, and what rounding left over.
-pub struct Rounded {
+pub struct Rounded<const C: usize> {
     pub shift: u8,
-    pub integers: [i16; GROUP],
-    pub residual: Rows16,
+    pub integers: [[i16; GROUP]; C],
+    pub residual: [Rows16; C],
 }
 
 /// An instruction set.
 pub trait Kernel {
-    /// Which of up to 64 columns have an energy of at least `limit`, and what the others hold.
-    fn screen(lanes: &[Rows16], limit: f32) -> Screened;
+    /// Which of up to 64 columns have an energy, over all channels, of at least their limit; and what the others hold.
+    fn screen<const C: usize>(planes: [&[Rows16]; C], limits: &[f32]) -> Screened<C>;
     fn largest(lanes: &Rows16) -> f32;
     /// Rounds 16 values to nearest (ties to even) multiples of 2^exponent. They must fit into 16 bits.
     fn nearest(lanes: &Rows16, exponent: i32) -> ([i16; GROUP], Rows16);
 }
 
-/// Rounds an entry to multiples of 2^(quantum + shift), with the least shift at which all lanes fit the width.
+/// Rounds an entry to multiples of 2^(quantum + shift), with the least shift from `least` on at which all numbers fit the
+/// width. The channels share it.
 #[inline(always)]
-pub fn round<K: Kernel>(lanes: &Rows16, quantum: i32, width: Width) -> Result<Rounded> {
-    let largest = K::largest(lanes);
-    let shift = least_shift(largest * power_of_two(-quantum), width);
+pub fn round<K: Kernel, const C: usize>(
+    entry: [&Rows16; C],
+    quantum: i32,
+    least: i32,
+    width: Width,
+) -> Result<Rounded<C>> {
+    let mut largest = K::largest(entry[0]);
+    for plane in &entry[1..] {
+        largest = largest.max(K::largest(plane));
+    }
+    let shift = least_shift(largest * power_of_two(-quantum), width).max(least);
     if !largest.is_finite() || shift > MAX_SHIFT || quantum + shift > max_step(width) {
         return Err(too_large(largest, quantum, width));
     }
-    let (integers, residual) = K::nearest(lanes, quantum + shift);
-    Ok(Rounded { shift: shift as u8, integers, residual })
+    let mut rounded = Rounded { shift: shift as u8, integers: [[0; GROUP]; C], residual: [[0.0; GROUP]; C] };
+    for (channel, plane) in entry.into_iter().enumerate() {
+        (rounded.integers[channel], rounded.residual[channel]) = K::nearest(plane, quantum + shift);
+    }
+    Ok(rounded)
 }
 
 #[cold]
@@ -73,18 +84,20 @@ pub struct Portable;
 
 impl Kernel for Portable {
     #[inline(always)]
-    fn screen(lanes: &[Rows16], limit: f32) -> Screened {
-        let mut screened = Screened::default();
-        for (k, lane) in lanes.iter().enumerate() {
-            let squares = lane.map(|value| value * value);
+    fn screen<const C: usize>(planes: [&[Rows16]; C], limits: &[f32]) -> Screened<C> {
+        let mut screened = Screened { mask: 0, energy: [[0.0; GROUP]; C], bits: [[0; GROUP]; C] };
+        for (k, &limit) in limits.iter().enumerate() {
+            let squares = planes.map(|plane| plane[k].map(|value| value * value));
             // A number that is not one compares false: it is dropped, and found in the norms.
             if sum(&squares) >= limit {
                 screened.mask |= 1 << k;
                 continue;
             }
-            for l in 0..GROUP {
-                screened.energy[l] += squares[l];
-                screened.bits[l] |= lane[l].to_bits() & 0x7fff_ffff;
+            for channel in 0..C {
+                for l in 0..GROUP {
+                    screened.energy[channel][l] += squares[channel][l];
+                    screened.bits[channel][l] |= planes[channel][k][l].to_bits() & 0x7fff_ffff;
+                }
             }
         }
         screened
@@ -104,10 +117,13 @@ impl Kernel for Portable {
     }
 }
 
-/// The sum of 16 numbers as a tree of halves: one order on every machine.
+/// The sum of 16 numbers, over all channels, as a tree of halves: one order on every machine.
 #[inline(always)]
-fn sum(x: &Rows16) -> f32 {
-    let a: [f32; 8] = std::array::from_fn(|l| x[l] + x[l + 8]);
+fn sum<const C: usize>(x: &[Rows16; C]) -> f32 {
+    let mut a: [f32; 8] = std::array::from_fn(|l| x[0][l] + x[0][l + 8]);
+    for x in &x[1..] {
+        (0..8).for_each(|l| a[l] += x[l] + x[l + 8]);
+    }
     let b: [f32; 4] = std::array::from_fn(|l| a[l] + a[l + 4]);
     (b[0] + b[2]) + (b[1] + b[3])
 }
@@ -119,9 +135,9 @@ pub struct Avx2;
 #[cfg(target_arch = "x86_64")]
 impl Kernel for Avx2 {
     #[inline(always)]
-    fn screen(lanes: &[Rows16], limit: f32) -> Screened {
+    fn screen<const C: usize>(planes: [&[Rows16]; C], limits: &[f32]) -> Screened<C> {
         // SAFETY: `compress_group` picks this kernel only where AVX2 was found.
-        unsafe { avx2::screen(lanes, limit) }
+        unsafe { avx2::screen(planes, limits) }
     }
 
     #[inline(always)]
@@ -182,24 +198,31 @@ mod avx2 {
             self.bits = (_mm256_or_ps(self.bits.0, low), _mm256_or_ps(self.bits.1, high));
             _mm256_add_ps(squares.0, squares.1)
         }
+    }
 
-        /// Adds those of eight columns that go; returns a bit for each that stays.
-        #[inline]
-        #[target_feature(enable = "avx2")]
-        fn screen(&mut self, columns: &[Rows16; 8], limit: f32) -> u64 {
-            // Most columns go: drop all eight, and look afterwards whether one should have stayed.
-            let before = *self;
-            let sums = std::array::from_fn(|k| self.add(&columns[k]));
-            let keep = _mm256_cmp_ps::<_CMP_GE_OQ>(energies(sums), _mm256_set1_ps(limit));
-            let keep = _mm256_movemask_ps(keep) as u64;
-            if keep != 0 {
-                *self = before;
-                for (_, column) in columns.iter().enumerate().filter(|(k, _)| keep & 1 << k == 0) {
-                    self.add(column);
+    /// Adds those of eight columns that go; returns a bit for each that stays.
+    #[inline]
+    #[target_feature(enable = "avx2")]
+    fn screen_eight<const C: usize>(lost: &mut [Lost; C], columns: [&[Rows16; 8]; C], limits: __m256) -> u64 {
+        // Most columns go: drop all eight, and look afterwards whether one should have stayed.
+        let before = *lost;
+        let mut sums: [__m256; 8] = std::array::from_fn(|k| lost[0].add(&columns[0][k]));
+        for channel in 1..C {
+            for k in 0..8 {
+                sums[k] = _mm256_add_ps(sums[k], lost[channel].add(&columns[channel][k]));
+            }
+        }
+        let keep = _mm256_cmp_ps::<_CMP_GE_OQ>(energies(sums), limits);
+        let keep = _mm256_movemask_ps(keep) as u64;
+        if keep != 0 {
+            *lost = before;
+            for k in (0..8).filter(|k| keep & 1 << k == 0) {
+                for channel in 0..C {
+                    lost[channel].add(&columns[channel][k]);
                 }
             }
-            keep
         }
+        keep
     }
 
     /// The energies of eight columns: the tree of `sum`, transposed as it goes.
@@ -219,22 +242,35 @@ mod avx2 {
 
     #[inline]
     #[target_feature(enable = "avx2")]
-    pub fn screen(lanes: &[Rows16], limit: f32) -> Screened {
+    pub fn screen<const C: usize>(planes: [&[Rows16]; C], limits: &[f32]) -> Screened<C> {
         let zero = _mm256_setzero_ps();
-        let mut lost = Lost { energy: (zero, zero), bits: (zero, zero) };
-        let (eights, rest) = lanes.as_chunks::<8>();
+        let mut lost = [Lost { energy: (zero, zero), bits: (zero, zero) }; C];
+        let (eights, rest) = limits.as_chunks::<8>();
+        let of = planes.map(|plane| plane.as_chunks::<8>());
         let mut mask = 0;
-        for (number, columns) in eights.iter().enumerate() {
-            mask |= lost.screen(columns, limit) << (8 * number);
+        for (number, limits) in eights.iter().enumerate() {
+            // SAFETY: eight floats are there; loads need no alignment.
+            let limits = unsafe { _mm256_loadu_ps(limits.as_ptr()) };
+            mask |= screen_eight(&mut lost, of.map(|(eights, _)| &eights[number]), limits) << (8 * number);
         }
         if !rest.is_empty() {
             // Empty columns add nothing and are dropped.
-            let mut columns = [[0.0; GROUP]; 8];
-            columns[..rest.len()].copy_from_slice(rest);
-            mask |= lost.screen(&columns, limit) << (8 * eights.len());
+            let mut columns = [[[0.0; GROUP]; 8]; C];
+            for (columns, (_, rest)) in columns.iter_mut().zip(of) {
+                columns[..rest.len()].copy_from_slice(rest);
+            }
+            let mut few = [f32::INFINITY; 8];
+            few[..rest.len()].copy_from_slice(rest);
+            // SAFETY: as above.
+            let few = unsafe { _mm256_loadu_ps(few.as_ptr()) };
+            mask |= screen_eight(&mut lost, columns.each_ref(), few) << (8 * eights.len());
         }
-        let bits = store(lost.bits.0, lost.bits.1).map(|value| value.to_bits() & 0x7fff_ffff);
-        Screened { mask, energy: store(lost.energy.0, lost.energy.1), bits }
+        let mut screened = Screened { mask, energy: [[0.0; GROUP]; C], bits: [[0; GROUP]; C] };
+        for (channel, lost) in lost.into_iter().enumerate() {
+            screened.energy[channel] = store(lost.energy.0, lost.energy.1);
+            screened.bits[channel] = store(lost.bits.0, lost.bits.1).map(|value| value.to_bits() & 0x7fff_ffff);
+        }
+        screened
     }
 
     #[inline]

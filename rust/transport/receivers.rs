@@ -2,59 +2,125 @@
 
 use super::tile::Slab;
 
-/// What turns rows into an image: one item a row, and the light that passes by the scene.
+/// The rows of M: surface points, and what they stand for.
 #[derive(Clone)]
 pub struct ReceiverTable {
-    /// The pixel that a row adds to, row-major.
-    pub pixel: Slab<u32>,
-    /// What share of the pixel the row is.
-    pub weight: Slab<f32>,
     /// Diffuse reflectance, `[row][rgb]`.
     pub albedo: Slab<f32>,
     /// World coordinates, `[row][xyz]`.
     pub position: Slab<f32>,
     pub normal: Slab<f32>,
     pub material: Option<Slab<u16>>,
-    /// What share of each pixel sees no surface.
-    pub background: Slab<f32>,
+    pub kind: ReceiverKind,
+}
+
+/// What the points stand for.
+#[derive(Clone)]
+pub enum ReceiverKind {
+    /// Samples of a camera's pixels.
+    Pixels {
+        /// [height, width]
+        image: [usize; 2],
+        /// The pixel that a row adds to, row-major.
+        pixel: Slab<u32>,
+        /// What share of the pixel the row is.
+        weight: Slab<f32>,
+        /// What share of each pixel sees no surface.
+        background: Slab<f32>,
+    },
+    /// Vertices of a mesh.
+    Vertices {
+        /// The number of each row's vertex.
+        vertex: Slab<u32>,
+        /// 1 where the vertex lies inside something and sees nothing.
+        buried: Slab<u8>,
+    },
+    /// Samples of surfaces, in the order of their tree.
+    Gather {
+        /// Of the surface that each stands for.
+        area: Slab<f32>,
+    },
+}
+
+impl ReceiverKind {
+    /// The word for it in a manifest.
+    pub fn name(&self) -> &'static str {
+        match self {
+            ReceiverKind::Pixels { .. } => "pixels",
+            ReceiverKind::Vertices { .. } => "vertices",
+            ReceiverKind::Gather { .. } => "gather",
+        }
+    }
+}
+
+type Check = std::result::Result<(), String>;
+
+fn check_length(what: &str, found: usize, expected: usize) -> Check {
+    if found == expected { Ok(()) } else { Err(format!("expected {expected} numbers of {what}, found {found}")) }
+}
+
+/// Finite and not negative.
+fn check_shares(what: &str, items: &[f32]) -> Check {
+    match items.iter().find(|item| !(item.is_finite() && **item >= 0.0)) {
+        Some(item) => Err(format!("expected finite {what} values >= 0, found {item}")),
+        None => Ok(()),
+    }
+}
+
+fn check_finite(what: &str, items: &[f32]) -> Check {
+    match items.iter().find(|item| !item.is_finite()) {
+        Some(item) => Err(format!("expected finite {what} values, found {item}")),
+        None => Ok(()),
+    }
 }
 
 impl ReceiverTable {
     /// Whether there is one item a row and a pixel, pixels exist, and all numbers are finite, shares not negative.
-    pub fn check(&self, rows: usize, image: [usize; 2]) -> std::result::Result<(), String> {
-        let pixels = image[0].checked_mul(image[1]).ok_or("expected an image of at most 2^28 pixels")?;
-        let lengths = [
-            ("pixel", self.pixel.len(), rows),
-            ("weight", self.weight.len(), rows),
-            ("albedo", self.albedo.len(), 3 * rows),
-            ("position", self.position.len(), 3 * rows),
-            ("normal", self.normal.len(), 3 * rows),
-            ("material", self.material.as_ref().map_or(rows, |items| items.len()), rows),
-            ("background", self.background.len(), pixels),
-        ];
-        if let Some((what, found, expected)) = lengths.into_iter().find(|(_, found, expected)| found != expected) {
-            return Err(format!("expected {expected} numbers of {what}, found {found}"));
-        }
-        if let Some(pixel) = self.pixel.iter().find(|&&pixel| pixel as usize >= pixels) {
-            return Err(format!("expected pixels below {pixels}, found {pixel}"));
-        }
-        let shares = [("weight", &self.weight), ("albedo", &self.albedo), ("background", &self.background)];
-        for (what, items) in shares {
-            if let Some(item) = items.iter().find(|item| !(item.is_finite() && **item >= 0.0)) {
-                return Err(format!("expected finite {what} values >= 0, found {item}"));
+    pub fn check(&self, rows: usize) -> Check {
+        check_length("albedo", self.albedo.len(), 3 * rows)?;
+        check_length("position", self.position.len(), 3 * rows)?;
+        check_length("normal", self.normal.len(), 3 * rows)?;
+        check_length("material", self.material.as_ref().map_or(rows, |items| items.len()), rows)?;
+        check_shares("albedo", &self.albedo)?;
+        check_finite("position", &self.position)?;
+        check_finite("normal", &self.normal)?;
+        match &self.kind {
+            ReceiverKind::Pixels { image, pixel, weight, background } => {
+                let pixels = image[0].checked_mul(image[1]).ok_or("expected an image of at most 2^28 pixels")?;
+                check_length("pixel", pixel.len(), rows)?;
+                check_length("weight", weight.len(), rows)?;
+                check_length("background", background.len(), pixels)?;
+                check_shares("weight", weight)?;
+                check_shares("background", background)?;
+                match pixel.iter().find(|&&pixel| pixel as usize >= pixels) {
+                    Some(pixel) => Err(format!("expected pixels below {pixels}, found {pixel}")),
+                    None => Ok(()),
+                }
+            }
+            ReceiverKind::Vertices { vertex, buried } => {
+                check_length("vertex", vertex.len(), rows)?;
+                check_length("buried", buried.len(), rows)?;
+                match buried.iter().find(|&&flag| flag > 1) {
+                    Some(flag) => Err(format!("expected buried to be 0 or 1, found {flag}")),
+                    None => Ok(()),
+                }
+            }
+            ReceiverKind::Gather { area } => {
+                check_length("area", area.len(), rows)?;
+                check_shares("area", area)
             }
         }
-        for (what, items) in [("position", &self.position), ("normal", &self.normal)] {
-            if let Some(item) = items.iter().find(|item| !item.is_finite()) {
-                return Err(format!("expected finite {what} values, found {item}"));
-            }
-        }
-        Ok(())
     }
 
     pub fn nbytes(&self) -> usize {
-        let floats = self.weight.len() + self.albedo.len() + self.position.len() + self.normal.len();
-        let material = self.material.as_ref().map_or(0, |material| material.len());
-        4 * (self.pixel.len() + floats + self.background.len()) + 2 * material
+        let floats = self.albedo.len() + self.position.len() + self.normal.len();
+        let own = match &self.kind {
+            ReceiverKind::Pixels { pixel, weight, background, .. } => {
+                4 * (pixel.len() + weight.len() + background.len())
+            }
+            ReceiverKind::Vertices { vertex, buried } => 4 * vertex.len() + buried.len(),
+            ReceiverKind::Gather { area } => 4 * area.len(),
+        };
+        4 * floats + 2 * self.material.as_ref().map_or(0, |material| material.len()) + own
     }
 }

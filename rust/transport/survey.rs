@@ -3,14 +3,14 @@
 //! Under the light prior E[V_j^2] ~ area_j the expected squared error of the image is the sum over what rows lose of
 //! area_j * loss^2. Energies are counted by size, so that a survey takes 60 KB whatever the sample.
 
-use rayon::prelude::*;
+use std::sync::Arc;
 
 use crate::basis::Bands;
 use crate::error::{Error, Result};
 
-use super::entry::{GROUP, Rows16, Width, check_quantum};
+use super::entry::{GROUP, Rows16};
 use super::quantize::{Portable, round};
-use super::truncate::{SCALING, area_weights};
+use super::truncate::Truncation;
 
 /// Bins of an octave of weighted energy, and the octaves covered.
 const BINS: i32 = 16;
@@ -19,14 +19,14 @@ const OCTAVES: std::ops::Range<i32> = -120..40;
 /// A survey of sample groups, from which a threshold is chosen: energies by size, in 60 KB whatever the sample.
 #[derive(Clone, Debug)]
 pub struct Survey {
-    weights: Vec<f64>,
-    quantum: i32,
-    width: Width,
+    /// The rule whose threshold is sought.
+    rule: Arc<Truncation>,
+    always: usize,
     groups: usize,
     /// For the entries of each bin of weighted energy: number, energy under the prior, and what of it rounding takes.
     bins: Vec<[f64; 3]>,
-    /// The same of the scaling columns, which stay whatever the threshold.
-    scaling: [f64; 3],
+    /// The same of the columns that stay whatever the threshold.
+    always_kept: [f64; 3],
 }
 
 /// A threshold, and what to expect of it on groups like the samples.
@@ -39,31 +39,38 @@ pub struct Threshold {
 }
 
 impl Survey {
-    pub fn new(bands: &Bands, quantum: i32, width: Width) -> Result<Self> {
-        check_quantum(quantum, width)?;
+    /// Of a rule's weights, quantum and width; its own threshold plays no part.
+    pub fn new(bands: &Bands, rule: &Truncation) -> Self {
         let bins = vec![[0.0; 3]; (OCTAVES.len() as i32 * BINS) as usize];
-        Ok(Survey { weights: area_weights(bands), quantum, width, groups: 0, bins, scaling: [0.0; 3] })
+        Survey { rule: Arc::new(rule.clone()), always: bands.always, groups: 0, bins, always_kept: [0.0; 3] }
     }
 
-    /// Counts the entries of 16 raw rows.
-    pub fn add(&mut self, lanes: &[Rows16], bands: &Bands) -> Result<()> {
-        assert_eq!(lanes.len(), bands.columns());
+    /// Counts the entries of 16 raw rows, channel by channel in `planes`.
+    pub fn add(&mut self, planes: &[&[Rows16]]) -> Result<()> {
         self.groups += 1;
-        for band in 0..bands.count() {
-            let area = self.weights[band] * self.weights[band];
-            for column in bands.range(band) {
-                let energy = energy(&lanes[column]);
-                if energy == 0.0 {
-                    continue;
-                }
-                let rounded = round::<Portable>(&lanes[column], self.quantum, self.width)?;
-                let stored = f64::from(u8::from(rounded.integers != [0; GROUP]));
-                let scaling = band == 0 && column < SCALING;
-                let slot = if scaling { &mut self.scaling } else { &mut self.bins[bin(energy * area)] };
-                slot[0] += stored;
-                slot[1] += energy * area;
-                slot[2] += self::energy(&rounded.residual) * area;
+        match *planes {
+            [one] => self.add_entries([one]),
+            [red, green, blue] => self.add_entries([red, green, blue]),
+            _ => Err(Error::input(format!("expected 1 or 3 channels, found {}", planes.len()))),
+        }
+    }
+
+    fn add_entries<const C: usize>(&mut self, planes: [&[Rows16]; C]) -> Result<()> {
+        let rule = Arc::clone(&self.rule);
+        assert!(planes.iter().all(|plane| plane.len() == rule.weights().len()));
+        for (column, weight) in rule.weights().iter().enumerate() {
+            let entry = planes.map(|plane| &plane[column]);
+            let (energy, prior) = (energy(entry), weight * weight);
+            if energy == 0.0 {
+                continue;
             }
+            let rounded = round::<Portable, C>(entry, rule.quantum, 0, rule.width)?;
+            let stored = f64::from(u8::from(rounded.integers != [[0; GROUP]; C]));
+            let kept = column < self.always;
+            let slot = if kept { &mut self.always_kept } else { &mut self.bins[bin(energy * prior)] };
+            slot[0] += stored;
+            slot[1] += energy * prior;
+            slot[2] += self::energy(rounded.residual.each_ref()) * prior;
         }
         Ok(())
     }
@@ -71,7 +78,7 @@ impl Survey {
     /// Adds what another survey counted. Merge in a fixed order: sums are in floating point.
     pub fn merge(&mut self, other: &Survey) {
         self.groups += other.groups;
-        let pairs = self.bins.iter_mut().zip(&other.bins).chain([(&mut self.scaling, &other.scaling)]);
+        let pairs = self.bins.iter_mut().zip(&other.bins).chain([(&mut self.always_kept, &other.always_kept)]);
         for (mine, theirs) in pairs {
             for k in 0..3 {
                 mine[k] += theirs[k];
@@ -85,7 +92,7 @@ impl Survey {
         if !(0.0..1.0).contains(&tolerance) {
             return Err(Error::input(format!("expected a truncation error from 0 to 1, got {tolerance}")));
         }
-        let column = |k: usize| self.scaling[k] + self.bins.iter().map(|bin| bin[k]).sum::<f64>();
+        let column = |k: usize| self.always_kept[k] + self.bins.iter().map(|bin| bin[k]).sum::<f64>();
         let [mut entries, total, mut lost] = [column(0), column(1), column(2)];
         let per_group = |entries: f64| entries / self.groups.max(1) as f64;
         let error = |lost: f64| if total > 0.0 { (lost.max(0.0) / total).sqrt() } else { 0.0 };
@@ -106,29 +113,9 @@ impl Survey {
     }
 }
 
-/// Surveys raw sample groups in parallel and chooses: see `Survey::threshold_for`.
-pub fn threshold_for(
-    samples: &[&[Rows16]],
-    bands: &Bands,
-    quantum: i32,
-    width: Width,
-    tolerance: f64,
-) -> Result<Threshold> {
-    let empty = Survey::new(bands, quantum, width)?;
-    let surveys: Vec<Survey> = samples
-        .par_iter()
-        .map(|lanes| {
-            let mut survey = empty.clone();
-            survey.add(lanes, bands).map(|()| survey)
-        })
-        .collect::<Result<_>>()?;
-    let mut all = empty;
-    surveys.iter().for_each(|survey| all.merge(survey));
-    all.threshold_for(tolerance)
-}
-
-fn energy(lanes: &Rows16) -> f64 {
-    lanes.iter().map(|&value| f64::from(value) * f64::from(value)).sum()
+fn energy<const C: usize>(entry: [&Rows16; C]) -> f64 {
+    let of = |lanes: &Rows16| lanes.iter().map(|&value| f64::from(value) * f64::from(value)).sum::<f64>();
+    entry[1..].iter().fold(of(entry[0]), |sum, lanes| sum + of(lanes))
 }
 
 /// The bin of a weighted energy; what lies outside the octaves goes to the ends.

@@ -1,11 +1,12 @@
 //! A tile: a contiguous range of neighbouring receivers, held column by column.
 //!
 //! For each column that is not empty it keeps the *groups* of 16 neighbouring rows that the column touches: one 16-bit
-//! word and 16 integers each. One index and one conversion then serve 16 rows and 3 colours. An entry's word holds the
-//! group's number in the tile (low 10 bits) and a binary shift (high 6 bits), so that the value of lane l is
+//! word and 16 integers each, or 3 x 16 where the colours have their own. One index then serves 16 rows and 3 colours. An
+//! entry's word holds the group's number in the tile (low 10 bits) and a binary shift (high 6 bits), so that the value of
+//! lane l is, in channel c of C,
 //!
 //! ```text
-//!     values[16 e + l] * 2^(quantum + shift)
+//!     values[(e C + c) 16 + l] * 2^(quantum + shift)
 //! ```
 //!
 //! with one `quantum` for the whole matrix. All values of M are thus integers times 2^quantum: sums of such values with
@@ -16,7 +17,7 @@ use std::sync::Arc;
 
 use crate::error::Result;
 
-use super::entry::{GROUP, GROUP_BITS, MAX_TILE_ROWS, Rows16, Width, group_of, power_of_two, shift_of};
+use super::entry::{Channels, GROUP, GROUP_BITS, MAX_TILE_ROWS, Rows16, Width, group_of, power_of_two, shift_of};
 
 /// A slice that is either owned or a view of a mapped file, which it keeps alive.
 #[derive(Clone)]
@@ -49,7 +50,7 @@ impl<T> From<Vec<T>> for Slab<T> {
     }
 }
 
-/// The integers of a tile, 16 an entry. Eight bits are enough for images; sixteen serve untruncated transport.
+/// The integers of a tile, 16 for each entry and channel. Eight bits are enough for images; sixteen serve untruncated transport.
 #[derive(Clone)]
 pub enum Values {
     I8(Slab<i8>),
@@ -61,12 +62,13 @@ pub enum Values {
 pub struct Tile {
     /// Rows of the tile; those that pad the last group are zero.
     pub rows: usize,
+    pub channels: Channels,
     /// Entries of column j are `starts[j]..starts[j + 1]`; the length is columns + 1.
     pub starts: Slab<u32>,
     /// For each entry: group number | shift << 10. Inside a column the group numbers ascend.
     pub words: Slab<u16>,
     pub values: Values,
-    /// Norm of each stored row in each band, `[row][band]`, bfloat16 rounded up (never below the true norm).
+    /// Norm of each stored row in each band, `[row][band][channel]`, bfloat16 rounded up (never below the true norm).
     pub kept: Slab<u16>,
     /// Norm of what truncation and rounding took from each row in each band, likewise.
     pub dropped: Slab<u16>,
@@ -95,9 +97,9 @@ pub struct CompressedGroup {
     pub columns: Vec<u32>,
     /// The binary shift of each entry.
     pub shifts: Vec<u8>,
-    /// 16 integers an entry; within -127..=127 where the tile is to hold eight bits.
+    /// 16 integers for each entry and channel; within -127..=127 where the tile is to hold eight bits.
     pub values: Vec<i16>,
-    /// Norm of each stored row in each band, `[lane][band]`, bfloat16 rounded up.
+    /// Norm of each stored row in each band, `[lane][band][channel]`, bfloat16 rounded up.
     pub kept: Vec<u16>,
     /// Norm of what each row lost in each band (truncation and rounding), likewise.
     pub dropped: Vec<u16>,
@@ -105,7 +107,7 @@ pub struct CompressedGroup {
 
 impl Tile {
     /// Turns groups (row order) into columns: a counting sort by column, stable in the group number.
-    pub fn assemble(rows: usize, columns: usize, width: Width, groups: &[CompressedGroup]) -> Tile {
+    pub fn assemble(rows: usize, columns: usize, channels: Channels, width: Width, groups: &[CompressedGroup]) -> Tile {
         debug_assert!(rows <= MAX_TILE_ROWS && groups.len() == rows.div_ceil(GROUP));
         let mut starts = vec![0u32; columns + 1];
         for group in groups {
@@ -120,18 +122,19 @@ impl Tile {
         let entries = starts[columns] as usize;
         let mut next = starts.clone();
         let mut words = vec![0u16; entries];
-        let mut wide = vec![0i16; if width == Width::I16 { entries * GROUP } else { 0 }];
-        let mut narrow = vec![0i8; if width == Width::I8 { entries * GROUP } else { 0 }];
+        let each = GROUP * channels.count();
+        let mut wide = vec![0i16; if width == Width::I16 { entries * each } else { 0 }];
+        let mut narrow = vec![0i8; if width == Width::I8 { entries * each } else { 0 }];
         for (number, group) in groups.iter().enumerate() {
             for (k, &column) in group.columns.iter().enumerate() {
                 let entry = next[column as usize] as usize;
                 next[column as usize] += 1;
                 words[entry] = number as u16 | (group.shifts[k] as u16) << GROUP_BITS;
-                let lanes = &group.values[k * GROUP..(k + 1) * GROUP];
+                let values = &group.values[k * each..(k + 1) * each];
                 match width {
-                    Width::I16 => wide[entry * GROUP..(entry + 1) * GROUP].copy_from_slice(lanes),
+                    Width::I16 => wide[entry * each..(entry + 1) * each].copy_from_slice(values),
                     Width::I8 => {
-                        for (slot, &value) in narrow[entry * GROUP..(entry + 1) * GROUP].iter_mut().zip(lanes) {
+                        for (slot, &value) in narrow[entry * each..(entry + 1) * each].iter_mut().zip(values) {
                             *slot = value as i8;
                         }
                     }
@@ -141,12 +144,13 @@ impl Tile {
 
         let norms = |of: fn(&CompressedGroup) -> &Vec<u16>| -> Slab<u16> {
             let mut all: Vec<u16> = groups.iter().flat_map(|group| of(group).iter().copied()).collect();
-            let bands = all.len() / (groups.len() * GROUP).max(1);
-            all.truncate(rows * bands);
+            let a_row = all.len() / (groups.len() * GROUP).max(1);
+            all.truncate(rows * a_row);
             all.into()
         };
         Tile {
             rows,
+            channels,
             starts: starts.into(),
             words: words.into(),
             values: if width == Width::I16 { Values::I16(wide.into()) } else { Values::I8(narrow.into()) },
@@ -178,10 +182,11 @@ impl Tile {
         (starts, entries)
     }
 
-    /// The 16 stored values of an entry.
-    pub fn lanes(&self, entry: usize, quantum: i32) -> Rows16 {
+    /// The 16 stored values of an entry in one channel.
+    pub fn lanes(&self, entry: usize, channel: usize, quantum: i32) -> Rows16 {
         let step = power_of_two(quantum + shift_of(self.words[entry]));
-        let range = entry * GROUP..(entry + 1) * GROUP;
+        let first = (entry * self.channels.count() + channel) * GROUP;
+        let range = first..first + GROUP;
         let mut lanes = [0.0; GROUP];
         match &self.values {
             Values::I8(values) => lanes.iter_mut().zip(&values[range]).for_each(|(x, &q)| *x = f32::from(q) * step),
@@ -190,23 +195,26 @@ impl Tile {
         lanes
     }
 
-    /// Calls `visit(group, columns x 16 rows)` with each group made dense, in order.
+    /// Calls `visit(group, planes)` with each group made dense, in order: columns x 16 rows for each channel.
     pub fn for_each_group(
         &self,
         columns: usize,
         quantum: i32,
-        mut visit: impl FnMut(usize, &[Rows16]) -> Result<()>,
+        mut visit: impl FnMut(usize, &[&[Rows16]]) -> Result<()>,
     ) -> Result<()> {
         let (starts, entries) = self.by_group();
-        let mut dense = vec![[0.0; GROUP]; columns];
+        let mut dense = vec![vec![[0.0; GROUP]; columns]; self.channels.count()];
         for (group, range) in starts.windows(2).enumerate() {
             let here = &entries[range[0] as usize..range[1] as usize];
             for &(column, entry) in here {
-                dense[column as usize] = self.lanes(entry as usize, quantum);
+                for (channel, plane) in dense.iter_mut().enumerate() {
+                    plane[column as usize] = self.lanes(entry as usize, channel, quantum);
+                }
             }
-            visit(group, &dense)?;
+            let planes: Vec<&[Rows16]> = dense.iter().map(Vec::as_slice).collect();
+            visit(group, &planes)?;
             for &(column, _) in here {
-                dense[column as usize] = [0.0; GROUP];
+                dense.iter_mut().for_each(|plane| plane[column as usize] = [0.0; GROUP]);
             }
         }
         Ok(())

@@ -1,17 +1,22 @@
 //! Truncation: which entries of M are kept, to how many bits, and exactly how much each row loses.
 //!
 //! The unit is the entry of a tile: one column in 16 neighbouring rows, T_0j .. T_15j. It costs 18 bytes whether one
-//! lane matters or all do, so it is kept by what all lanes give together to the image under the light prior E[V_j^2] ~
-//! area_j:
+//! lane matters or all do, so it is kept by what all lanes, in all channels, give together to the image under a prior of
+//! V, one weight a column:
 //!
 //! ```text
-//!     sum_l T_lj^2 * weight_b^2 >= threshold^2,    weight_b = sqrt(area of band b's columns)
+//!     sum_l T_lj^2 * weight_j^2 >= threshold^2,    weight_j = sqrt(E[V_j^2]): for light the root of column j's area
 //! ```
 //!
-//! The scaling columns are always kept: without them rows no longer sum to the light they receive (the white furnace).
-//! What is kept is rounded to integers times 2^(quantum + shift), with the least shift that fits the width. What a row
+//! The first columns are always kept (`Bands::always`). What is kept is rounded to integers times 2^(quantum + shift), with the least shift that fits the width. What a row
 //! loses, by dropping and by rounding, is summed per band and stored rounded up: the bound |B - M V| <= sum_b dropped_b
 //! ||V_b|| holds.
+//!
+//! Sums with light are exact while a row's norm is at most 2^27 of its unit (`MAX_SPAN`). Rows of a group share their
+//! unit: where one of them is longer (a narrow lobe), all entries of the group take a shift at which it is not. So no row
+//! is ever too long to be followed exactly, and none costs another group a bit.
+//! (Tried first: one coarser quantum for the whole part, from the norms that a survey sees. The survey may miss the one
+//! mirror in the scene, and finds out only when the part is done.)
 //!
 //! Tried and left: a threshold per single entry (the other lanes are paid for anyway), a threshold on the error of each
 //! row (at equal bytes it doubles the error of the image).
@@ -19,14 +24,12 @@
 use crate::basis::Bands;
 use crate::error::{Error, Result};
 
-use super::entry::{GROUP, Rows16, Width, bf16, bf16_up, check_quantum, power_of_two};
+use super::entry::{GROUP, MAX_SPAN, Rows16, Width, bf16, bf16_up, check_quantum, power_of_two};
 #[cfg(target_arch = "x86_64")]
 use super::quantize::Avx2;
 use super::quantize::{BLOCK, Kernel, Portable, Screened, round};
 use super::tile::{CompressedGroup, Tile};
 
-/// The scaling functions of the six faces: the first columns of band 0.
-pub const SCALING: usize = 6;
 /// Covers the roundings of f32 energies summed in blocks of 64 (at most 66 * 2^-24), of the f64 sum and of the root.
 const MARGIN: f64 = 1.0 + 1.0 / 65536.0;
 /// Squares below f32's range may vanish: each by less than this.
@@ -37,166 +40,245 @@ const UNDERFLOW: f64 = 1.5e-45;
 pub struct Truncation {
     /// Entries with a weighted norm below this are dropped; 0 keeps all that does not round to zero.
     pub threshold: f64,
-    /// One weight a band.
-    pub weights: Vec<f64>,
     /// Values are integers times 2^(quantum + shift), shift >= 0.
     pub quantum: i32,
     pub width: Width,
+    /// One a column: the root of the prior.
+    weights: Vec<f64>,
+    /// One a column: the least energy (unweighted) that keeps an entry; never zero, so that empty entries always go.
+    limits: Vec<f32>,
 }
 
 impl Truncation {
-    /// The rule for the image's error: weights are the roots of the areas.
+    /// The rule for the error of the image under the light prior.
     pub fn new(bands: &Bands, threshold: f64, quantum: i32, width: Width) -> Result<Self> {
+        Self::with_weights(area_weights(bands), bands.always, threshold, quantum, width)
+    }
+
+    /// The rule for another prior of V: one weight a column, of which the first `always` are never dropped.
+    pub fn with_weights(weights: Vec<f64>, always: usize, threshold: f64, quantum: i32, width: Width) -> Result<Self> {
         if !(threshold >= 0.0 && threshold.is_finite()) {
             return Err(Error::input(format!("expected a finite truncation threshold >= 0, got {threshold}")));
         }
         check_quantum(quantum, width)?;
-        Ok(Truncation { threshold, weights: area_weights(bands), quantum, width })
+        let limit = |(column, &weight): (usize, &f64)| {
+            let limit = if column < always { 0.0 } else { threshold / weight };
+            ((limit * limit) as f32).max(f32::MIN_POSITIVE)
+        };
+        let limits = weights.iter().enumerate().map(limit).collect();
+        Ok(Truncation { threshold, quantum, width, weights, limits })
     }
 
-    /// The least energy (unweighted) that keeps an entry of a band; never zero, so that empty entries always go.
-    fn limit(&self, band: usize) -> f32 {
-        let limit = self.threshold / self.weights[band];
-        ((limit * limit) as f32).max(f32::MIN_POSITIVE)
+    /// The same with nothing dropped but what rounds to zero, and another width.
+    pub fn lossless(&self, width: Width) -> Result<Self> {
+        Self::with_weights(self.weights.clone(), 0, 0.0, self.quantum, width)
+    }
+
+    /// The root of the prior, one a column.
+    pub fn weights(&self) -> &[f64] {
+        &self.weights
     }
 }
 
-/// sqrt(area) of each band: the areas of a band's columns are equal.
+/// The light prior: the roots of the columns' areas.
 pub fn area_weights(bands: &Bands) -> Vec<f64> {
-    (0..bands.count()).map(|band| bands.areas[bands.range(band).start].sqrt()).collect()
+    bands.areas.iter().map(|area| area.sqrt()).collect()
 }
 
-/// Compresses 16 rows: `lanes[j]` is column j. `out` is emptied first and keeps its memory.
+/// Compresses 16 rows: `planes[c][j]` is column j of channel c. `out` is emptied first and keeps its memory.
 ///
 /// Fails where a coefficient is not finite or too large to be stored.
-pub fn compress_group(lanes: &[Rows16], bands: &Bands, rule: &Truncation, out: &mut CompressedGroup) -> Result<()> {
+pub fn compress_group(planes: &[&[Rows16]], bands: &Bands, rule: &Truncation, out: &mut CompressedGroup) -> Result<()> {
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("avx2") {
         // SAFETY: the instruction set was found.
-        return unsafe { compress_avx2(lanes, bands, rule, out) };
+        return unsafe { compress_avx2(planes, bands, rule, out) };
     }
-    compress_portable(lanes, bands, rule, out)
+    compress_portable(planes, bands, rule, out)
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn compress_avx2(lanes: &[Rows16], bands: &Bands, rule: &Truncation, out: &mut CompressedGroup) -> Result<()> {
-    compress::<Avx2>(lanes, bands, rule, out)
+fn compress_avx2(planes: &[&[Rows16]], bands: &Bands, rule: &Truncation, out: &mut CompressedGroup) -> Result<()> {
+    compress_planes::<Avx2>(planes, bands, rule, out)
 }
 
 /// The path of every other machine; public so that the suite can hold the two against each other.
-pub fn compress_portable(lanes: &[Rows16], bands: &Bands, rule: &Truncation, out: &mut CompressedGroup) -> Result<()> {
-    compress::<Portable>(lanes, bands, rule, out)
+pub fn compress_portable(
+    planes: &[&[Rows16]],
+    bands: &Bands,
+    rule: &Truncation,
+    out: &mut CompressedGroup,
+) -> Result<()> {
+    compress_planes::<Portable>(planes, bands, rule, out)
 }
 
 #[inline(always)]
-fn compress<K: Kernel>(lanes: &[Rows16], bands: &Bands, rule: &Truncation, out: &mut CompressedGroup) -> Result<()> {
-    assert_eq!(lanes.len(), bands.columns());
+fn compress_planes<K: Kernel>(
+    planes: &[&[Rows16]],
+    bands: &Bands,
+    rule: &Truncation,
+    out: &mut CompressedGroup,
+) -> Result<()> {
+    match *planes {
+        [one] => compress::<K, 1>([one], bands, rule, out),
+        [red, green, blue] => compress::<K, 3>([red, green, blue], bands, rule, out),
+        _ => Err(Error::input(format!("expected 1 or 3 channels, found {}", planes.len()))),
+    }
+}
+
+/// One group; a second time, with a coarser unit, where its longest row spans too many bits.
+#[inline(always)]
+fn compress<K: Kernel, const C: usize>(
+    planes: [&[Rows16]; C],
+    bands: &Bands,
+    rule: &Truncation,
+    out: &mut CompressedGroup,
+) -> Result<()> {
+    let longest = compress_with::<K, C>(planes, bands, rule, 0, out)?;
+    let least = least_shift(longest, rule.quantum);
+    if least > 0 {
+        compress_with::<K, C>(planes, bands, rule, least, out)?;
+    }
+    Ok(())
+}
+
+/// The shift from which on a row of this norm spans no more bits than `MAX_SPAN`, with room for what rounding adds to it.
+fn least_shift(norm: f64, quantum: i32) -> i32 {
+    let exponent = (norm * (1.0 + 1.0 / 64.0)).log2().ceil();
+    if norm > 0.0 { (exponent as i32 - MAX_SPAN - quantum).max(0) } else { 0 }
+}
+
+/// Keeps what the rule keeps, with shifts from `least` on; returns the norm of the longest stored row.
+#[inline(always)]
+fn compress_with<K: Kernel, const C: usize>(
+    planes: [&[Rows16]; C],
+    bands: &Bands,
+    rule: &Truncation,
+    least: i32,
+    out: &mut CompressedGroup,
+) -> Result<f64> {
+    assert!(planes.iter().all(|plane| plane.len() == bands.columns()) && rule.limits.len() == bands.columns());
     out.columns.clear();
     out.shifts.clear();
     out.values.clear();
     let count = bands.count();
     for norms in [&mut out.kept, &mut out.dropped] {
         norms.clear();
-        norms.resize(GROUP * count, 0);
+        norms.resize(GROUP * count * C, 0);
     }
 
+    let mut squares = [[0.0; GROUP]; C];
     for band in 0..count {
-        let limit = rule.limit(band);
-        let mut norms = Norms::default();
+        let mut norms = Norms::<C>::default();
         let range = bands.range(band);
-        let head = if band == 0 { SCALING.min(range.end) } else { range.start };
-
-        // The scaling functions are a block of their own, in which only an empty entry is dropped.
-        keep_block::<K>(lanes, range.start..head, f32::MIN_POSITIVE, rule, &mut norms, out)?;
-        for start in (head..range.end).step_by(BLOCK) {
-            keep_block::<K>(lanes, start..range.end.min(start + BLOCK), limit, rule, &mut norms, out)?;
-        }
-        for lane in 0..GROUP {
-            let dropped = norms.dropped(lane);
-            if !dropped.is_finite() {
-                return Err(Error::input("expected finite transport coefficients, found NaN or infinity"));
+        // What is always kept is a block of its own.
+        let head = bands.always.clamp(range.start, range.end);
+        for part in [range.start..head, head..range.end] {
+            for start in part.clone().step_by(BLOCK) {
+                keep_block::<K, C>(planes, start..part.end.min(start + BLOCK), rule, least, &mut norms, out)?;
             }
-            out.kept[lane * count + band] = bf16_up(norms.kept[lane].sqrt() * MARGIN);
-            out.dropped[lane * count + band] = bf16_up(dropped);
+        }
+        for channel in 0..C {
+            for lane in 0..GROUP {
+                let dropped = norms.dropped(channel, lane);
+                if !dropped.is_finite() {
+                    return Err(Error::input("expected finite transport coefficients, found NaN or infinity"));
+                }
+                let (kept, place) = (norms.kept[channel][lane], (lane * count + band) * C + channel);
+                out.kept[place] = bf16_up(kept.sqrt() * MARGIN);
+                out.dropped[place] = bf16_up(dropped);
+                squares[channel][lane] += kept;
+            }
         }
     }
-    Ok(())
+    Ok(squares.as_flattened().iter().fold(0.0, |most: f64, &square| most.max(square)).sqrt())
 }
 
 /// Screens up to 64 columns and rounds those that stay.
 #[inline(always)]
-fn keep_block<K: Kernel>(
-    lanes: &[Rows16],
+fn keep_block<K: Kernel, const C: usize>(
+    planes: [&[Rows16]; C],
     range: std::ops::Range<usize>,
-    limit: f32,
     rule: &Truncation,
-    norms: &mut Norms,
+    least: i32,
+    norms: &mut Norms<C>,
     out: &mut CompressedGroup,
 ) -> Result<()> {
-    let screened = K::screen(&lanes[range.clone()], limit);
+    let screened = K::screen(planes.map(|plane| &plane[range.clone()]), &rule.limits[range.clone()]);
     norms.lose_columns(&screened, range.len());
     let mut mask = screened.mask;
     while mask != 0 {
         let column = range.start + mask.trailing_zeros() as usize;
         mask &= mask - 1;
-        let rounded = round::<K>(&lanes[column], rule.quantum, rule.width)?;
+        let rounded = round::<K, C>(planes.map(|plane| &plane[column]), rule.quantum, least, rule.width)?;
         norms.lose_rounding(&rounded.residual);
-        if rounded.integers == [0; GROUP] {
+        if rounded.integers == [[0; GROUP]; C] {
             continue;
         }
         out.columns.push(column as u32);
         out.shifts.push(rounded.shift);
-        out.values.extend_from_slice(&rounded.integers);
+        out.values.extend_from_slice(rounded.integers.as_flattened());
         norms.keep(&rounded.integers, power_of_two(rule.quantum + i32::from(rounded.shift)));
     }
     Ok(())
 }
 
-/// Squared norms of each lane in one band.
-#[derive(Default)]
-struct Norms {
-    kept: [f64; GROUP],
-    dropped: [f64; GROUP],
+/// Squared norms of each channel and lane in one band.
+struct Norms<const C: usize> {
+    kept: [[f64; GROUP]; C],
+    dropped: [[f64; GROUP]; C],
     /// How many columns were dropped or rounded: the number of squares that may have vanished below f32's range.
     columns: usize,
     /// Bits of everything a lane lost: zero only where it lost exactly nothing.
-    bits: [u32; GROUP],
+    bits: [[u32; GROUP]; C],
 }
 
-impl Norms {
+impl<const C: usize> Default for Norms<C> {
+    fn default() -> Self {
+        Norms { kept: [[0.0; GROUP]; C], dropped: [[0.0; GROUP]; C], columns: 0, bits: [[0; GROUP]; C] }
+    }
+}
+
+impl<const C: usize> Norms<C> {
     #[inline(always)]
-    fn keep(&mut self, integers: &[i16; GROUP], step: f32) {
-        for (sum, &integer) in self.kept.iter_mut().zip(integers) {
-            let value = f64::from(f32::from(integer) * step);
-            *sum += value * value;
+    fn keep(&mut self, integers: &[[i16; GROUP]; C], step: f32) {
+        for (sums, integers) in self.kept.iter_mut().zip(integers) {
+            for (sum, &integer) in sums.iter_mut().zip(integers) {
+                let value = f64::from(f32::from(integer) * step);
+                *sum += value * value;
+            }
         }
     }
 
     #[inline(always)]
-    fn lose_rounding(&mut self, residual: &Rows16) {
+    fn lose_rounding(&mut self, residual: &[Rows16; C]) {
         self.columns += 1;
-        for (lane, &lost) in residual.iter().enumerate() {
-            self.dropped[lane] += f64::from(lost) * f64::from(lost);
-            self.bits[lane] |= lost.to_bits() & 0x7fff_ffff;
+        for (channel, residual) in residual.iter().enumerate() {
+            for (lane, &lost) in residual.iter().enumerate() {
+                self.dropped[channel][lane] += f64::from(lost) * f64::from(lost);
+                self.bits[channel][lane] |= lost.to_bits() & 0x7fff_ffff;
+            }
         }
     }
 
     #[inline(always)]
-    fn lose_columns(&mut self, screened: &Screened, columns: usize) {
+    fn lose_columns(&mut self, screened: &Screened<C>, columns: usize) {
         self.columns += columns;
-        for lane in 0..GROUP {
-            self.dropped[lane] += f64::from(screened.energy[lane]);
-            self.bits[lane] |= screened.bits[lane];
+        for channel in 0..C {
+            for lane in 0..GROUP {
+                self.dropped[channel][lane] += f64::from(screened.energy[channel][lane]);
+                self.bits[channel][lane] |= screened.bits[channel][lane];
+            }
         }
     }
 
     /// Never below the true norm, and zero only where nothing was lost.
-    fn dropped(&self, lane: usize) -> f64 {
-        if self.bits[lane] == 0 {
+    fn dropped(&self, channel: usize, lane: usize) -> f64 {
+        if self.bits[channel][lane] == 0 {
             return 0.0;
         }
-        (self.dropped[lane] + self.columns as f64 * UNDERFLOW).sqrt() * MARGIN
+        (self.dropped[channel][lane] + self.columns as f64 * UNDERFLOW).sqrt() * MARGIN
     }
 }
 
@@ -204,17 +286,18 @@ impl Tile {
     /// This tile under a coarser rule. Its stated losses hold against the original rows: they add up by the triangle
     /// inequality, since an entry that is rounded twice need not lose at right angles.
     pub fn retruncate(&self, bands: &Bands, quantum: i32, rule: &Truncation) -> Result<Tile> {
+        let norms = GROUP * bands.count() * self.channels.count();
         let mut groups = Vec::with_capacity(self.groups());
-        self.for_each_group(bands.columns(), quantum, |group, lanes| {
+        self.for_each_group(bands.columns(), quantum, |group, planes| {
             let mut out = CompressedGroup::default();
-            compress_group(lanes, bands, rule, &mut out)?;
-            let before = &self.dropped[group * GROUP * bands.count()..];
+            compress_group(planes, bands, rule, &mut out)?;
+            let before = &self.dropped[group * norms..];
             for (now, &earlier) in out.dropped.iter_mut().zip(before) {
                 *now = bf16_up(f64::from(bf16(*now)) + f64::from(bf16(earlier)));
             }
             groups.push(out);
             Ok(())
         })?;
-        Ok(Tile::assemble(self.rows, bands.columns(), rule.width, &groups))
+        Ok(Tile::assemble(self.rows, bands.columns(), self.channels, rule.width, &groups))
     }
 }

@@ -1,194 +1,242 @@
 //! Following a moving V: choosing and multiplying together, on one grid, with a bound for every frame.
 //!
 //! ```text
-//! step(V):   V to the grid;   update = approximation.step(V);   B = response.apply(update);   bound(V - V~, V)
+//! step(V):   V to the grid;   update = choose(V);   B = multiply(update);   bound(V - V~, V)
+//! two stages:                 the same once more with V2 = link(B), then mix or add what nodes give
 //! ```
 
 use std::sync::Arc;
 use std::time::Instant;
 
 use crate::error::{Error, Result};
-use crate::transport::TransportMatrix;
+use crate::transport::Link;
 
-use super::change::{Term, Update};
-use super::choosing::approximation::{Approximation, MAX_COEFFICIENT};
+use super::chain::{Chain, check_mix};
+use super::change::Update;
 use super::choosing::method::{Budget, Settings};
-use super::multiplying::bound::{Bound, Measured, bound_rows};
-use super::multiplying::grid::{Grid, RowNorm, light_norm};
-use super::multiplying::response::Response;
+use super::multiplying::bound::{bound_rows, finish_bounds, largest_of_all};
+use super::multiplying::finish::Mix;
 use super::pace::Pace;
-
-/// Bits by which light may grow before its grid must be changed, which costs a whole product.
-const HEADROOM: i32 = 6;
-/// Light so many times below what its grid allows for gets a finer one, which costs nothing.
-const REFINE: f64 = 65536.0;
+use super::stage::{Chosen, Output, Stage};
 
 /// What the first frame starts from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Initial {
     /// The whole product (Overbeck 2006, section 4: "we compute the full matrix-vector multiply").
     Full,
+    /// The largest terms of the light within the budget, whatever the method.
+    Nonlinear,
     /// The first update of the method itself, from black.
     Black,
 }
 
 /// What a step did.
 pub struct Step {
+    /// Of the first stage.
     pub update: Update,
     /// No receiver is further than this from the untruncated product with the light asked for, in red, green and blue.
     pub bound: [f64; 3],
-    /// V~ is the light, bit for bit on its grid.
+    /// V~ is the light, bit for bit on its grid, in all stages.
     pub converged: bool,
-    /// Seconds of choosing (grid, tests, selection) and of multiplying.
+    /// Seconds of choosing (grid, tests, selection) and of multiplying, all stages.
     pub choosing: f64,
     pub multiplying: f64,
 }
 
-/// One follower of the light: an approximation and the response to it.
+/// One follower of the light over one chain.
 pub struct Updater {
-    matrix: Arc<TransportMatrix>,
-    approximation: Approximation,
-    response: Response,
-    rows: RowNorm,
-    bound: Bound,
-    grid: Option<Grid>,
+    chain: Arc<Chain>,
+    first: Stage,
+    /// One where all of the second stage shares a V; one for each factor where each has its own.
+    second: Vec<Stage>,
+    mix: Option<Mix>,
     initial: Option<Initial>,
-    /// The light on its grid.
-    target: Vec<[f64; 3]>,
-    /// After the last step.
-    measured: Option<Measured>,
     pace: Pace,
 }
 
 impl Updater {
-    pub fn new(matrix: Arc<TransportMatrix>, settings: Settings, initial: Initial) -> Result<Self> {
+    /// `second`: how the second stage is followed, where there is one.
+    pub fn new(chain: Arc<Chain>, first: Settings, second: Option<Settings>, initial: Initial) -> Result<Self> {
+        let product = &chain.product;
+        let mut stages = Vec::new();
+        match (&product.then, second) {
+            (None, None) => {}
+            (Some(then), Some(settings)) => {
+                let separate = matches!(product.link, Link::Representatives);
+                for factors in if separate { then.each() } else { vec![then.clone()] } {
+                    stages.push(Stage::new(factors, chain.then_span, settings.clone())?);
+                }
+            }
+            (then, _) => {
+                let needed = if then.is_some() { "settings for its second stage" } else { "one stage only" };
+                return Err(Error::input(format!("expected {needed}")));
+            }
+        }
         Ok(Updater {
-            approximation: Approximation::new(matrix.bands.clone(), settings)?,
-            response: Response::new(&matrix),
-            rows: RowNorm::of(&matrix),
-            bound: Bound::new(&matrix),
-            grid: None,
+            first: Stage::new(product.first.clone(), chain.span, first)?,
+            second: stages,
+            mix: None,
             initial: Some(initial),
-            target: Vec::new(),
-            measured: None,
             pace: Pace::default(),
-            matrix,
+            chain,
         })
+    }
+
+    /// How the responses of several factors are mixed from the next frame on.
+    pub fn set_mix(&mut self, mix: Mix) -> Result<()> {
+        check_mix(&self.chain.product, Some(&mix))?;
+        self.mix = Some(mix);
+        Ok(())
     }
 
     /// Moves towards `light` (columns x 3) and writes B (rows x 3). A light that is refused leaves everything as it was.
     pub fn step(&mut self, light: &[[f64; 3]], out: &mut [f32]) -> Result<Step> {
-        self.frame(light, out, None)
+        self.frame(light, out, None, &Chosen::Own)
     }
 
     /// `step`, with a budget of its own: what can be sent so that the step ends in `seconds`, as far as earlier ones tell.
     ///
     /// Where nothing fits, the first column is sent. The settings need the cost of every column.
     pub fn step_within(&mut self, light: &[[f64; 3]], out: &mut [f32], seconds: f64) -> Result<Step> {
-        self.frame(light, out, Some(seconds))
+        self.frame(light, out, Some(seconds), &Chosen::Own)
     }
 
-    fn frame(&mut self, light: &[[f64; 3]], out: &mut [f32], seconds: Option<f64>) -> Result<Step> {
+    /// What somebody else may choose from: V on its grid, and V~. None where it is settled what the first frame takes.
+    pub fn prepare(&mut self, light: &[[f64; 3]]) -> Result<Option<(&[[f64; 3]], &[[f64; 3]])>> {
+        self.first.receive(light)?;
+        let settled = matches!(self.initial, Some(Initial::Full | Initial::Nonlinear));
+        Ok((!settled).then(|| (self.first.target(), self.first.values())))
+    }
+
+    /// A step by the method itself, or by what somebody else has chosen.
+    pub fn frame(
+        &mut self,
+        light: &[[f64; 3]],
+        out: &mut [f32],
+        seconds: Option<f64>,
+        chosen: &Chosen,
+    ) -> Result<Step> {
         let started = Instant::now();
-        let norm = light_norm(light);
-        // A norm within the limit says so of every coefficient; what is not finite has an infinite norm.
-        if light.len() != self.matrix.bands.columns() || norm > MAX_COEFFICIENT {
-            self.approximation.check(light)?;
+        let rows = self.chain.product.rows();
+        check_mix(&self.chain.product, self.mix.as_ref())?;
+        if out.len() != 3 * rows {
+            return Err(Error::input(format!("expected room for {rows} x 3 values, got {}", out.len())));
         }
-        if out.len() != 3 * self.matrix.rows {
-            return Err(Error::input(format!("expected room for {} x 3 values, got {}", self.matrix.rows, out.len())));
-        }
-        self.settle_grid(norm, out)?.quantise_into(light, &mut self.target);
+        self.first.receive(light)?;
         let settled = started.elapsed().as_secs_f64();
         if let Some(seconds) = seconds {
             // A budget of nothing would change nothing, for ever.
             let cost = self.pace.affordable(seconds - settled).max(f64::MIN_POSITIVE);
-            self.approximation.set_budget(Budget::Cost(cost))?;
+            self.first.set_budget(Budget::Cost(cost))?;
         }
+        let chosen = match self.initial {
+            Some(Initial::Full) => &Chosen::Whole,
+            Some(Initial::Nonlinear) => &Chosen::Largest,
+            Some(Initial::Black) | None => chosen,
+        };
+        let update = self.first.choose(chosen)?;
         let whole = self.initial.take() == Some(Initial::Full);
-        let update = if whole { self.everything()? } else { self.approximation.follow(&self.target) };
         let choosing = started.elapsed().as_secs_f64();
-        self.response.apply(&self.matrix, &update, out)?;
+
+        // One matrix writes its rows while their sums are at hand.
+        let alone = self.chain.product.alone().is_some() && self.mix.is_none();
+        self.first.multiply(&update, if alone { Some(&mut *out) } else { None })?;
+        self.first.measure(light, None);
+        if !self.second.is_empty() {
+            self.follow(if whole { &Chosen::Whole } else { &Chosen::Own })?;
+        }
+        if !alone {
+            self.write(out)?;
+        }
         let multiplying = started.elapsed().as_secs_f64() - choosing;
 
-        let bound = self.measure(light);
-        let converged = self.approximation.is_converged(&self.target);
+        let bound = self.bound();
+        let converged = self.first.is_converged() && self.second.iter().all(Stage::is_converged);
         if seconds.is_some() && !whole {
-            self.pace.learn(self.streamed(), started.elapsed().as_secs_f64() - settled);
+            self.pace.learn(self.first.streamed(), started.elapsed().as_secs_f64() - settled);
         }
         Ok(Step { update, bound, converged, choosing, multiplying })
     }
 
-    /// The cost of the columns that the last update streamed.
-    fn streamed(&self) -> f64 {
-        let costs = &self.approximation.settings().costs;
-        self.response.moved().map(|column| costs[column]).sum()
-    }
-
-    /// The grid for this light. Light that outgrows the one in use takes a coarser one, on which what was applied is
-    /// rounded and multiplied afresh; light that has faded takes a finer one, on which everything already lies.
-    fn settle_grid(&mut self, norm: f64, out: &mut [f32]) -> Result<Grid> {
-        let norms = norm + self.measured.as_ref().map_or(0.0, |measured| measured.applied);
-        // Twice what exactness needs, and a little for rounding to the grid: a fresh product of what is applied then
-        // chooses a grid of its own that is no coarser, and has the same bits.
-        let norms = 2.125 * norms;
-        match self.grid {
-            Some(grid) if grid.holds(norms) && norms * REFINE >= grid.limit => return Ok(grid),
-            Some(grid) if grid.holds(norms) => {
-                let finer = Grid::for_light(norms, self.rows, HEADROOM)?;
-                self.grid = Some(if finer.exponent < grid.exponent { finer } else { grid });
-            }
-            _ => {
-                let grid = Grid::for_light(norms, self.rows, HEADROOM)?;
-                let rounded = grid.quantise_all(self.approximation.values());
-                self.response = Response::new(&self.matrix);
-                self.response.apply(&self.matrix, &whole(&rounded), out)?;
-                self.approximation.set_values(&rounded)?;
-                self.grid = Some(grid);
-            }
+    /// Brings the second stage after the first.
+    fn follow(&mut self, chosen: &Chosen) -> Result<()> {
+        let grid = self.chain.second_grid(self.first.values())?;
+        for (factor, stage) in self.second.iter_mut().enumerate() {
+            let output = self.first.outputs().nth(factor).expect("each second stage has its first");
+            let light = self.chain.second_light(output.response, factor, self.first.values());
+            let unsure = self.chain.unsure(&bound_rows(output.matrix, measured(&output)?), &light);
+            stage.receive_on(grid, &light)?;
+            let update = stage.choose(chosen)?;
+            stage.multiply(&update, None)?;
+            stage.measure(&light, Some(&unsure));
         }
-        Ok(self.grid.expect("just set"))
+        Ok(())
     }
 
-    /// The whole light at once.
-    fn everything(&mut self) -> Result<Update> {
-        self.approximation.set_values(&self.target)?;
-        Ok(whole(&self.target))
+    /// The last stage's matrices, and what is known of them.
+    fn outputs(&self) -> Vec<Output<'_>> {
+        match self.second.is_empty() {
+            true => self.first.outputs().collect(),
+            false => self.second.iter().flat_map(Stage::outputs).collect(),
+        }
     }
 
-    /// The bound of this frame, from the light before it was rounded.
-    fn measure(&mut self, light: &[[f64; 3]]) -> [f64; 3] {
-        let measured = Measured::new(&self.matrix.bands, light, self.approximation.values());
-        let bound = self.bound.largest(&measured);
-        self.measured = Some(measured);
-        bound
+    /// Writes B anew from what has been applied: after `set_mix`, nothing has to be sent for it.
+    pub fn write(&self, out: &mut [f32]) -> Result<()> {
+        check_mix(&self.chain.product, self.mix.as_ref())?;
+        let responses: Vec<_> = self.outputs().iter().map(|output| output.response).collect();
+        self.chain.finish(&responses, self.mix.as_ref(), out)
+    }
+
+    /// What each output counts for, at most, in a receiver's B.
+    fn largest_weights(&self) -> Vec<f64> {
+        match (&self.chain.product.link, &self.mix) {
+            (Link::Weights(weights), _) => vec![1.0, weights.largest_sum()],
+            (_, Some(mix)) => mix.largest().to_vec(),
+            (_, None) => vec![1.0],
+        }
+    }
+
+    /// The bound of all receivers in one number a colour, of the last frame.
+    fn bound(&self) -> [f64; 3] {
+        largest_of_all(
+            self.outputs()
+                .iter()
+                .filter_map(|output| Some((output.bound, output.measured?)))
+                .zip(self.largest_weights()),
+        )
     }
 
     /// The bound of every receiver (rows x 3) for the picture that the last step wrote.
     pub fn bounds(&self, shown: &[f32], out: &mut [f32]) -> Result<()> {
-        match &self.measured {
-            Some(measured) => {
-                bound_rows(&self.matrix, measured, shown, out);
-                Ok(())
-            }
-            None => Err(Error::input("a bound needs a frame: call step first")),
+        let outputs = self.outputs();
+        let of: Vec<Vec<[f64; 3]>> =
+            outputs.iter().map(|output| Ok(bound_rows(output.matrix, measured(output)?))).collect::<Result<_>>()?;
+        match (&self.chain.product.link, &self.mix) {
+            (Link::Weights(weights), _) => finish_bounds(shown, out, |row, add| {
+                add(of[0][row], 1.0);
+                weights.row(row).for_each(|(node, weight)| add(of[1][node], weight));
+            }),
+            (_, Some(mix)) => finish_bounds(shown, out, |row, add| {
+                of.iter().zip(mix.row(row)).for_each(|(of, weight)| add(of[row], f64::from(weight.abs())));
+            }),
+            (_, None) => finish_bounds(shown, out, |row, add| add(of[0][row], 1.0)),
         }
+        Ok(())
     }
 
-    /// V~, as applied so far.
+    /// V~, as applied so far to the first stage.
     pub fn values(&self) -> &[[f64; 3]] {
-        self.approximation.values()
+        self.first.values()
     }
 
-    /// Bytes beyond M: the response, V~ as choosing knows it, and V on its grid.
+    /// Bytes beyond M, in all stages.
     pub fn nbytes(&self) -> usize {
-        self.response.nbytes() + size_of_val(self.approximation.values()) + size_of_val(&self.target[..])
+        let mix = self.mix.as_ref().map_or(0, |mix| 4 * mix.shape().0 * mix.shape().1);
+        self.first.nbytes() + self.second.iter().map(Stage::nbytes).sum::<usize>() + mix
     }
 }
 
-/// The update that takes black to `values`.
-fn whole(values: &[[f64; 3]]) -> Update {
-    let terms = values.iter().enumerate().filter(|(_, change)| **change != [0.0; 3]);
-    let terms = terms.map(|(column, &change)| Term { column: column as u32, change });
-    Update { resets: Vec::new(), terms: terms.collect() }
+fn measured<'a>(output: &Output<'a>) -> Result<&'a super::multiplying::bound::Measured> {
+    output.measured.ok_or_else(|| Error::input("a bound needs a frame: call step first"))
 }

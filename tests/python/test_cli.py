@@ -32,7 +32,7 @@ def test_precompute_prints_the_plan_and_info_the_transport(tiny, capsys):
     assert "left out" in capsys.readouterr().out
     assert cli.main(["info", str(tiny)]) == 0
     out = capsys.readouterr().out
-    assert "haar:8" in out and "tiles-00000.safetensors" in out and "bounces: 0" in out
+    assert "haar:8" in out and "tiles-direct-00000.safetensors" in out and "bounces: 0" in out
     # One line for every band: 6 faces of 2 x 2, then each finer one four times as many.
     assert re.findall(r"^ +\d +(\d+) +\d+ +[\d.]+$", out, re.M) == ["24", "72", "288"]
 
@@ -240,14 +240,14 @@ def test_a_damaged_transport_is_refused(tiny, tmp_path, capsys):
             data[len(data) // 2] ^= 1
         (copy / path.name).write_bytes(data)
     assert cli.main(["info", str(copy)]) == 2
-    assert "tiles-00000" in capsys.readouterr().err
+    assert "tiles-direct-00000" in capsys.readouterr().err
 
 
 def test_ctrl_c_says_that_the_run_resumes(tmp_path, capsys, monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(cli.precompute, "precompute", interrupted)
+    monkeypatch.setattr(cli.precompute.Precomputation, "run", interrupted)
     assert cli.main(["precompute", "cornell", "-o", str(tmp_path / "x"), "--size", "8x8"]) == 130
     assert "resumes" in capsys.readouterr().err
 

@@ -20,14 +20,20 @@ from hypothesis.extra import numpy as hnp
 COLUMNS = 24  # haar:2
 
 
-def describe(rows: int, *, quantum: int = -24, width: str = "i16", tile_rows: int = 16) -> dict:
-    """Everything that `finish` asks for, made up."""
+def receivers(rows: int) -> dict:
     triple = np.linspace(0, 1, 3 * rows, dtype=np.float32).reshape(rows, 3)
     return dict(
-        columns="haar:2", rows=rows, quantum=quantum, width=width, tile_rows=tile_rows, image=(2, rows),
+        image=(2, rows), pixel=np.arange(rows, dtype=np.uint32), weight=np.ones(rows, np.float32), albedo=triple,
+        position=triple, normal=triple, background=np.zeros(2 * rows, np.float32),
+    )  # fmt: skip
+
+
+def describe(rows: int, *, quantum: int = -24, width: str = "i16", tile_rows: int = 16, **changed) -> dict:
+    """Everything that `finish` asks for, made up."""
+    return dict(
+        parts=[("direct", "haar:2", rows, 1, quantum, width, tile_rows)],
+        receivers=_core.ReceiverTable.pixels(**receivers(rows) | changed),
         camera='{"vertical_fov": 40.0}', plan='{"quality": "preview"}', scene="abc",
-        pixel=np.arange(rows, dtype=np.uint32), weight=np.ones(rows, np.float32), albedo=triple, position=triple,
-        normal=triple, background=np.zeros(2 * rows, np.float32),
     )  # fmt: skip
 
 
@@ -41,13 +47,13 @@ def write(path: Path, array: np.ndarray, *, width: str = "i16", job: str = "{}")
     tiles = made.tiles()
     writer = _core.TransportWriter(path, job)
     for number in range(0, len(tiles), 4):
-        writer.write_shard(number // 4, tiles[number : number + 4])
+        writer.write_shard("direct", number // 4, tiles[number : number + 4])
     writer.finish(**describe(len(array), width=width))
     return made
 
 
 def read_dense(transport: _core.Transport) -> np.ndarray:
-    return np.array([transport.row(i) for i in range(transport.rows)])
+    return np.array([transport.row(i)[:, 0] for i in range(transport.rows)])
 
 
 def contents(path: Path) -> dict[str, bytes]:
@@ -75,9 +81,10 @@ def test_round_trip(tmp_path_factory, array, width):
     groups = [slice(first, first + 16) for first in range(0, len(array), 16)]
     for group in groups:
         largest = np.abs(array[group]).max(axis=0)
-        step = np.maximum(
-            2.0**-24, 2.0 ** np.ceil(np.log2(np.maximum(largest, 1e-30) / (127 if width == "i8" else 32767)))
-        )
+        # No row spans more than 27 bits from its group's unit, so that sums with light are exact.
+        longest = max(np.linalg.norm(array[group], axis=1).max() * 65 / 64, 2.0**-24)
+        unit = max(2.0**-24, 2.0 ** (np.ceil(np.log2(longest)) - 27))
+        step = np.maximum(unit, 2.0 ** np.ceil(np.log2(np.maximum(largest, 1e-30) / (127 if width == "i8" else 32767))))
         assert (np.abs(stored[group] - array[group]) <= step).all()
     lost = np.stack([np.linalg.norm((stored - array)[:, :24], axis=1)], axis=1)
     stated = np.linalg.norm(opened.dropped().astype(np.float64), axis=1, keepdims=True)
@@ -94,12 +101,13 @@ def test_what_a_file_says(tmp_path):
     given_ = describe(70)
     assert opened.shape == (70, COLUMNS) and opened.columns == "haar:2" and opened.width == "i16"
     assert opened.camera == given_["camera"] and opened.plan == given_["plan"] and opened.scene == "abc"
-    assert opened.image_shape == (2, 70) and opened.material is None and opened.audit() is None
+    table = opened.receivers
+    assert table.kind == "pixels" and table.image_shape == (2, 70) and table.material is None and len(table) == 70
     for name in ("pixel", "weight", "albedo", "position", "normal"):
-        np.testing.assert_array_equal(getattr(opened, name), given_[name])
-    assert opened.background.shape == (2, 70)
-    assert opened.nbytes > 0 and opened.receiver_nbytes == 70 * 44 + 140 * 4
-    indptr, indices, data = opened.to_csr()
+        np.testing.assert_array_equal(getattr(table, name), receivers(70)[name])
+    assert table.background.shape == (2, 70) and opened.audit() is None and opened.version == [2, 0]
+    assert opened.nbytes > 0 and table.nbytes == 70 * 44 + 140 * 4
+    indptr, indices, data = opened.to_csr(0)
     stored = read_dense(opened)
     np.testing.assert_array_equal(data, stored[stored != 0])
     np.testing.assert_array_equal(np.diff(indptr), (stored != 0).sum(axis=1))
@@ -107,8 +115,7 @@ def test_what_a_file_says(tmp_path):
     y = np.random.default_rng(1).normal(size=(70, 2))
     np.testing.assert_allclose(opened.transpose_multiply(y), stored.T.astype(np.float64) @ y, atol=1e-12)
     np.testing.assert_allclose(opened.column_norms(), np.linalg.norm(stored.astype(np.float64), axis=0), rtol=1e-12)
-    assert opened.column_entries().sum() == opened.entries
-    assert opened.row_norm_max() >= np.linalg.norm(stored, axis=1).max()
+    assert opened.column_bytes().sum() == opened.entries * _core.entry_bytes("i16", 1)
     with pytest.raises(IndexError):
         opened.row(70)
     with pytest.raises(ValueError, match="expected an array"):
@@ -117,21 +124,21 @@ def test_what_a_file_says(tmp_path):
 
 def test_a_smaller_version(tmp_path):
     array = dense_rows(200)
-    write(tmp_path / "a.transport", array)
+    write(tmp_path / "a.transport", array, width="i8")
     opened = _core.Transport.open(tmp_path / "a.transport")
-    threshold, error, entries = opened.threshold_for(0.3, width="i8")
+    threshold, error, entries = opened.threshold_for(0.3)
     assert 0.2 < error <= 0.3
     done = []
-    opened.truncate_to(tmp_path / "b.transport", threshold, plan="{}", width="i8", progress=done.append)
+    opened.truncate_to(tmp_path / "b.transport", threshold, plan="{}", progress=done.append)
     smaller = _core.Transport.open(tmp_path / "b.transport")
     assert smaller.width == "i8" and smaller.nbytes < opened.nbytes
     assert smaller.entries == pytest.approx(entries * 13)
-    np.testing.assert_array_equal(read_dense(smaller), read_dense(opened.truncated(threshold, width="i8")))
+    np.testing.assert_array_equal(read_dense(smaller), read_dense(opened.truncated(threshold)))
     lost = np.linalg.norm(read_dense(smaller) - array, axis=1)
     assert (lost <= np.linalg.norm(smaller.dropped().astype(np.float64), axis=1)).all()
     # haar:2 has areas of 4 throughout, so the error under the prior is the plain relative norm.
     assert np.linalg.norm(lost) / np.linalg.norm(array) == pytest.approx(error, rel=1e-2)
-    np.testing.assert_array_equal(smaller.albedo, opened.albedo)
+    np.testing.assert_array_equal(smaller.receivers.albedo, opened.receivers.albedo)
 
 
 def test_an_open_transport_outlives_its_replacement(tmp_path):
@@ -153,8 +160,8 @@ WRITE_FOR_EVER = """
     writer = _core.TransportWriter({target!r}, "{{}}")
     print("ready", flush=True)
     for number in range(0, len(tiles), 4):
-        if number // 4 not in writer.finished():
-            writer.write_shard(number // 4, tiles[number : number + 4])
+        if number // 4 not in writer.finished("direct"):
+            writer.write_shard("direct", number // 4, tiles[number : number + 4])
     writer.finish(**describe(2000))
 """
 
@@ -233,7 +240,7 @@ def test_foreign_directories_stay(tmp_path):
 def test_damage_is_named(tmp_path):
     path = tmp_path / "a.transport"
     write(path, dense_rows(70))
-    shard = path / "tiles-00000.safetensors"
+    shard = path / "tiles-direct-00000.safetensors"
     whole = shard.read_bytes()
     for harm, reason in [
         (whole[:-1], "truncated"),
@@ -243,7 +250,7 @@ def test_damage_is_named(tmp_path):
         shard.write_bytes(harm)
         with pytest.raises(ValueError, match=reason) as raised:
             _core.Transport.open(path)
-        assert isinstance(raised.value, _core.FileError) and "tiles-00000" in str(raised.value)
+        assert isinstance(raised.value, _core.FileError) and "tiles-direct-00000" in str(raised.value)
     shard.unlink()
     with pytest.raises(_core.FileError, match="missing"):
         _core.Transport.open(path)
@@ -273,14 +280,19 @@ def test_bad_arguments(tmp_path):
     made = _core.Transport.from_dense(dense_rows(10), columns="haar:2", tile_rows=16)
     writer = _core.TransportWriter(tmp_path / "a.transport", "{}")
     with pytest.raises(ValueError, match="1 to 4 tiles"):
-        writer.write_shard(0, [])
-    writer.write_shard(0, made.tiles())
+        writer.write_shard("direct", 0, [])
+    with pytest.raises(ValueError, match="name of a part"):
+        writer.write_shard("../direct", 0, made.tiles())
+    writer.write_shard("direct", 0, made.tiles())
     with pytest.raises(ValueError, match="albedo"):
-        writer.finish(**describe(10) | dict(albedo=np.zeros((9, 3), np.float32)))
+        describe(10, albedo=np.zeros((9, 3), np.float32))
     with pytest.raises(ValueError, match="background"):
-        writer.finish(**describe(10) | dict(background=np.zeros(3, np.float32)))
+        describe(10, background=np.zeros(3, np.float32))
+    # Receivers of other rows are refused, and the run can still be finished.
+    with pytest.raises(ValueError, match="30 numbers of albedo"):
+        writer.finish(**describe(10) | dict(receivers=_core.ReceiverTable.pixels(**receivers(9))))
     writer.finish(**describe(10))
     with pytest.raises(ValueError, match="finished"):
-        writer.finished()
+        writer.finished("direct")
     with pytest.raises(ValueError, match="file"):
-        made.albedo  # noqa: B018
+        made.receivers  # noqa: B018

@@ -66,13 +66,12 @@ GLANCES = {
     # Light projects itself: columns only say in their signatures that they are asked with light.
     ("columns/haar", "light/environment"),
     ("columns/harmonics", "light/environment"),
+    ("columns/inner", "light/environment"),
 }
 # Files that still need each other, each with its reason.
 KNOTS = (
     # A beam, its shafts and its shadows are one walk in several files, until fans take their place.
     {"scene/rays/beam.rs", "scene/rays/shaft.rs", "scene/rays/shadow.rs", "scene/rays/reach.rs"},
-    # What the instruction sets have in common stands at their door, which chooses among them.
-    {f"update/multiplying/kernel/{name}.rs" for name in ("mod", "avx2", "portable")},
 )
 
 # Foreign crates and packages enter through one file, or one folder, each.

@@ -155,14 +155,14 @@ def entries(transport):
 def test_every_ray(make, name, oracle):
     scene, size = scene_of(name), 8
     transport = make(scene, size)
-    core = transport._core
+    receivers = transport.receivers
     directions = oracles.directions(size).reshape(-1, 3)
-    cosine = core.normal.astype(np.float64) @ directions.T
+    cosine = receivers.normal.astype(np.float64) @ directions.T
     # Grazing rays graze the receiver's own neighbours too: what is an ulp above the horizon is nobody's truth.
     asked = cosine > 1e-3
     row, texel = np.nonzero(asked)
     # Positions are ray origins: lifted off their surface already.
-    theirs = oracle(scene)(core.position[row], directions[texel])
+    theirs = oracle(scene)(receivers.position[row], directions[texel])
 
     full = (cosine * np.tile(oracles.solid_angles(size).ravel(), 6) / np.pi)[asked]
     share = entries(transport)[asked] / full
@@ -214,7 +214,7 @@ def estimate(is_open, origin, normal, light, samples, seed):
 def own_deviation(transport, light, expected):
     """How uncertain B is by itself: 16 rays tell how much of an edge texel is open, v (1 - v) / 16 at the most."""
     directions = oracles.directions(SIZE).reshape(-1, 3)
-    cosine = np.maximum(transport._core.normal.astype(np.float64) @ directions.T, 0)
+    cosine = np.maximum(transport.receivers.normal.astype(np.float64) @ directions.T, 0)
     full = cosine * np.tile(oracles.solid_angles(SIZE).ravel(), 6) / np.pi * light.ravel()
     lit = np.flatnonzero(light.ravel())
     if len(lit) > 1:
@@ -228,7 +228,7 @@ def own_deviation(transport, light, expected):
     point = oracles.points(SIZE, 16)[face][inside].reshape(-1, 3)
     length = np.linalg.norm(point, axis=1, keepdims=True)
     measure = length[:, 0] ** -3.0
-    mean = np.maximum(transport._core.normal.astype(np.float64) @ (point / length).T, 0) @ measure / measure.sum()
+    mean = np.maximum(transport.receivers.normal.astype(np.float64) @ (point / length).T, 0) @ measure / measure.sum()
     true = mean * oracles.solid_angles(SIZE)[row, column] / np.pi * light.ravel()[lit[0]]
     share = np.clip(expected / np.maximum(true, 1e-30), 0, 1)
     return np.hypot(np.sqrt(share * (1 - share) / 16) * true, true - full[:, lit[0]])
@@ -270,7 +270,7 @@ def measured(make):
     def measure(name):
         scene = scene_of(name)
         transport = make(scene, SIZE, "lossless")
-        return transport, mitsuba_open(scene), transport._core.position.astype(float)
+        return transport, mitsuba_open(scene), transport.receivers.position.astype(float)
 
     return measure
 
@@ -278,7 +278,7 @@ def measured(make):
 def tiles_of(transport):
     """The 8 x 8 tile of pixels that each receiver is in."""
     width = transport.camera.width
-    row, column = np.divmod(transport._core.pixel.astype(int), width)
+    row, column = np.divmod(transport.receivers.pixel.astype(int), width)
     return row // 8 * width + column // 8
 
 
@@ -288,7 +288,7 @@ def test_every_receiver(measured, name, environment):
     transport, is_open, origin = measured(name)
     light = light_of(environment)
     samples = 3_000_000 // len(origin)
-    normal = transport._core.normal.astype(np.float64)
+    normal = transport.receivers.normal.astype(np.float64)
     expected, error = estimate(is_open, origin, normal, light, samples, seed=11)
     found = response(transport, light)
     own = own_deviation(transport, light, expected)
@@ -322,7 +322,7 @@ def scalar():
 @pytest.mark.parametrize("name", ["box", "scorpion_low.obj"])
 def test_the_renderer(measured, scalar, name, environment):
     transport = measured(name)[0]
-    core, scene, light = transport._core, scene_of(name), light_of(environment)
+    receivers, scene, light = transport.receivers, scene_of(name), light_of(environment)
     image = np.repeat(latlong(light)[..., None], 3, axis=-1).astype(np.float32)
     whole = mitsuba_scene(scene, sky={"type": "envmap", "bitmap": mi.Bitmap(image)})
     integrator, sampler = mi.load_dict({"type": "path", "max_depth": 2}), mi.load_dict({"type": "independent"})
@@ -331,7 +331,7 @@ def test_the_renderer(measured, scalar, name, environment):
     # Camera rays to the receivers, many to each; light arrives at the first thing that they meet.
     eye, passes = np.array(scene.camera.position), 60_000 // transport.shape[0]
     values = np.zeros((transport.shape[0], passes, 3))
-    for row, position in enumerate(core.position):
+    for row, position in enumerate(receivers.position):
         ray = mi.RayDifferential3f(mi.Point3f(*eye), mi.Vector3f(*((position - eye) / np.linalg.norm(position - eye))))
         for draw in range(passes):
             values[row, draw] = integrator.sample(whole, sampler, ray)[0]

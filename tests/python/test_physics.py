@@ -63,8 +63,10 @@ def test_white_furnace_of_a_pit(make, size):
     pit = oracles.box((-1, -1, -0.5), (1, 0, 0.5), without="y+")
     transport = make(scene_of(pit, position=(0, 1, 0), fov=40.0, size=12), size, "lossless")
     core = transport._core
-    floor = core.normal[:, 1] > 0.9
-    expected = oracles.rectangle_form_factor(core.position[floor][:, [0, 2]].astype(float), (-1, -0.5), (1, 0.5), 1.0)
+    floor = core.receivers.normal[:, 1] > 0.9
+    expected = oracles.rectangle_form_factor(
+        core.receivers.position[floor][:, [0, 2]].astype(float), (-1, -0.5), (1, 0.5), 1.0
+    )
     error = product(transport, ones(size))[floor, 0] - expected
     assert floor.sum() > 50 and expected.std() > 0.02
     # 16 rays in each texel that the rim crosses, some 6 n / 2 of them: independent errors of 1/8 of a texel at most.
@@ -124,7 +126,7 @@ def seen_sides(make, size, corner):
     """(transport, {normal: rows}) of a box of 1 x 2 x 3 seen from a corner: three of its sides."""
     mesh = oracles.box((-0.5, -1, -1.5), (0.5, 1, 1.5))
     transport = make(scene_of(mesh, position=corner, up=(0, 1, 0), fov=25.0, size=16), size)
-    normals = np.round(transport._core.normal).astype(int)
+    normals = np.round(transport.receivers.normal).astype(int)
     sides = {tuple(normal): (normals == normal).all(axis=1) for normal in np.unique(normals, axis=0)}
     assert len(sides) == 3
     return transport, sides
@@ -178,8 +180,8 @@ def corner_scene(turn=UNTURNED, scale=1.0, shift=(0.0, 0.0, 0.0), *, extra=(), s
 def assert_same_rows(transport, reference, light, reference_light, *, share):
     """The same receivers, and the same B but for a few rays; `share` is how many rows may differ at all."""
     # Rows follow a curve in space, which turns with the scene: they are compared pixel by pixel.
-    order, reference_order = np.argsort(transport._core.pixel), np.argsort(reference._core.pixel)
-    np.testing.assert_array_equal(transport._core.pixel[order], reference._core.pixel[reference_order])
+    order, reference_order = np.argsort(transport.receivers.pixel), np.argsort(reference.receivers.pixel)
+    np.testing.assert_array_equal(transport.receivers.pixel[order], reference.receivers.pixel[reference_order])
     B, expected = product(transport, light)[order], product(reference, reference_light)[reference_order]
     # One ray more or less is a texel: B may move by its light.
     texel = light.max() * oracles.solid_angles(light.shape[1]).max() / np.pi
@@ -251,7 +253,7 @@ def test_an_occluder_never_raises_light(make, quality):
     shade = oracles.quad((-3, 2.9, -3), (3, 0, 0), (0, 0, 2))
     free, shaded = (make(corner_scene(extra=extra), 8, quality) for extra in ((), (shade,)))
     # The receivers that both pictures show: the shade hides some, and is one itself.
-    lists = [[tuple(at) for at in transport._core.position.tolist()] for transport in (free, shaded)]
+    lists = [[tuple(at) for at in transport.receivers.position.tolist()] for transport in (free, shaded)]
     both = sorted(set(lists[0]) & set(lists[1]))
     assert len(both) > 80
     here, there = ([places.index(at) for at in both] for places in lists)
@@ -273,7 +275,7 @@ def test_a_closed_room_is_black(make, size, cells, quality):
     transport = make(scene, size, quality)
     assert transport.shape[0] == 256
     if cells == 32 and quality == "centres":
-        grid = 16 * transport._core.position
+        grid = 16 * transport.receivers.position
         assert np.abs(grid - np.round(grid)).max() < 1e-3, "receivers lie on vertices, but for their lift"
     assert transport._core.entries == 0
     assert (product(transport, ones(size) * 1e6) == 0).all()
@@ -287,7 +289,7 @@ def test_seams_of_a_closed_room_are_black(make, size, cells):
     room = oracles.box((-1, -1, -1), (1, 1, 1), cells)
     scene = scene_of(room, position=(0, 0, 0), target=(0, 0, -1), up=(0, 1, 0), fov=fov, size=size)
     transport = make(scene, 8)
-    on_seams = (np.abs(transport._core.position) > 0.9999).sum(axis=1) > 1
+    on_seams = (np.abs(transport.receivers.position) > 0.9999).sum(axis=1) > 1
     assert on_seams.sum() == 4 * (size - 1)
     assert (product(transport, ones(8)) == 0).all()
 

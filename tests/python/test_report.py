@@ -10,7 +10,7 @@ import pytest
 from deltalux.command import cli
 from deltalux.light.motion import Motion, ease
 from deltalux.pages import machine
-from deltalux.relight.comparison import relative_errors
+from deltalux.relight.errors import relative_errors
 from deltalux.report import METHODS, check_report, report
 from deltalux.report.size_curve import size_curve
 from hypothesis import given

@@ -157,7 +157,7 @@ def test_a_writer_shared_by_threads(tmp_path, threads):
 
     def work(k):
         for call in range(8):
-            writer.write_shard((call + k) % 4, tiles[:4])
-            assert writer.finished()
+            writer.write_shard("direct", (call + k) % 4, tiles[:4])
+            assert writer.finished("direct")
 
     together(threads, work)

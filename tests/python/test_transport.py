@@ -95,7 +95,7 @@ def test_threads_do_not_change_the_product(cornell, rng):
 
 
 def test_shares_of_every_pixel_sum_to_one(cornell):
-    core = cornell._core
+    core = cornell.pixels
     height, width = core.image_shape
     shares = np.bincount(core.pixel, core.weight, height * width).reshape(height, width) + core.background
     np.testing.assert_allclose(shares, 1, atol=1e-6)
@@ -104,7 +104,7 @@ def test_shares_of_every_pixel_sum_to_one(cornell):
 
 
 def test_image_is_albedo_times_response(cornell, rng):
-    core = cornell._core
+    core = cornell.pixels
     height, width = core.image_shape
     B = rng.random((cornell.shape[0], 3)).astype(np.float32)
     expected = np.zeros((height * width, 3))
@@ -127,7 +127,7 @@ def test_background_shows_the_environment(make):
     env = dl.Environment.from_cubemap(light)
     B = transport.multiply(transport.coefficients(env))
     black, image = transport.image(B), transport.image(B, env)
-    share = transport._core.background[..., None]
+    share = transport.pixels.background[..., None]
     seen = env.radiance(camera.directions())
     np.testing.assert_allclose(image, black + share * seen, rtol=1e-6, atol=1e-7)
     assert (share == 1).any() and (share == 0).any() and ((share > 0) & (share < 1)).any()

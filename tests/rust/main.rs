@@ -2,6 +2,7 @@
 mod update;
 
 mod basis;
+mod file;
 mod harmonics;
 mod light;
 mod response;

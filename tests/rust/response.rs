@@ -1,10 +1,12 @@
 //! B = M V in every way it is computed, against sums of 128-bit integers, which round nothing.
 
 use _core::basis::ColumnSpace;
-use _core::transport::{CompressedGroup, GROUP, Tile, TransportMatrix, Width};
+use _core::transport::{Channels, CompressedGroup, GROUP, Tile, TransportMatrix, Width};
 use _core::update::kernel::Engine;
 use _core::update::multiply_gridded;
-use _core::update::{Bound, Grid, Measured, Response, RowNorm, Term, Update, bound_rows, light_norm, multiply};
+use _core::update::{
+    Applied, Bound, Grid, Measured, Response, Span, Term, Update, bound_rows, finish_bounds, light_norm, multiply,
+};
 use proptest::prelude::*;
 
 type Light = Vec<[f64; 3]>;
@@ -89,11 +91,15 @@ fn case(seed: u64, width: Width) -> Case {
             group.dropped = norms(&dropped[start..start + GROUP]);
             groups.push(group);
         }
-        tiles.push(Tile::assemble(here, columns, width, &groups));
+        tiles.push(Tile::assemble(here, columns, Channels::One, width, &groups));
     }
     integers.truncate(rows);
     dropped.truncate(rows);
-    Case { matrix: TransportMatrix { space, bands, rows, quantum, tile_rows, tiles }, integers, dropped }
+    Case {
+        matrix: TransportMatrix { space, bands, rows, channels: Channels::One, quantum, tile_rows, tiles },
+        integers,
+        dropped,
+    }
 }
 
 fn light(random: &mut Random, columns: usize, scale: f64) -> Light {
@@ -135,7 +141,7 @@ fn rounded(product: &[f64]) -> Vec<u32> {
 /// The state, as rows x 3 of bits.
 fn state(case: &Case, response: &Response) -> Vec<u64> {
     let mut all = Vec::new();
-    let mut groups = response.sums();
+    let mut groups = response.tiles().iter().flatten();
     for tile in &case.matrix.tiles {
         let sums: Vec<_> = groups.by_ref().take(tile.groups()).collect();
         for row in 0..tile.rows {
@@ -145,20 +151,14 @@ fn state(case: &Case, response: &Response) -> Vec<u64> {
     all
 }
 
-/// Some terms towards `target`, after the reset of some bands.
-fn some_update(random: &mut Random, case: &Case, applied: &[[f64; 3]], target: &[[f64; 3]]) -> Update {
+/// Brings some columns to `target`, after the reset of some bands.
+fn some_update(random: &mut Random, case: &Case, applied: &mut Applied, target: &[[f64; 3]]) -> Update {
     let bands = &case.matrix.bands;
     let everything = random.below(8) == 0;
-    let resets: Vec<usize> = (0..bands.count()).filter(|_| everything || random.below(3) == 0).collect();
+    let anew: Vec<bool> = (0..bands.count()).map(|_| everything || random.below(3) == 0).collect();
     let share = 1 + random.below(6);
-    let terms = (0..bands.columns())
-        .filter(|_| random.below(6) < share)
-        .map(|column| {
-            let old = if resets.contains(&bands.of(column)) { [0.0; 3] } else { applied[column] };
-            Term { column: column as u32, change: std::array::from_fn(|k| target[column][k] - old[k]) }
-        })
-        .collect();
-    Update { resets, terms }
+    let sent: Vec<usize> = (0..bands.columns()).filter(|_| random.below(6) < share).collect();
+    applied.send(bands, &anew, sent.into_iter().map(|column| (column, 0..3)), target)
 }
 
 fn with_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
@@ -178,32 +178,33 @@ proptest! {
         let case = case(seed, width);
         let mut random = Random(seed ^ 0x9e37_79b9 | 1);
         let columns = case.matrix.bands.columns();
-        let rows = RowNorm::of(&case.matrix);
+        let rows = Span::of(&case.matrix);
         let brightest = light(&mut random, columns, 1e5);
         let grid = Grid::for_light(light_norm(&brightest), rows, 3).unwrap();
         let mut picture = vec![f32::NAN; 3 * case.matrix.rows];
         let mut fast = Response::new(&case.matrix);
         let mut plain = Response::with_engine(&case.matrix, Engine::Portable);
+        let mut applied = Applied::new(&case.matrix.bands);
 
         for _ in 0..6 {
             let scale = [1e5, 1.0, 1e-3][random.below(3)];
             let target = grid.quantise_all(&light(&mut random, columns, scale));
-            prop_assert!(grid.holds(light_norm(&target) + light_norm(fast.values())));
-            let update = some_update(&mut random, &case, fast.values(), &target);
-            with_threads([1, 2, 3, 7][threads], || fast.apply(&case.matrix, &update, &mut picture)).unwrap();
+            prop_assert!(grid.holds(light_norm(&target) + light_norm(applied.values())));
+            let update = some_update(&mut random, &case, &mut applied, &target);
+            with_threads([1, 2, 3, 7][threads], || fast.apply(&case.matrix, &update, Some(&mut picture))).unwrap();
 
-            let product = oracle(&case, fast.values(), grid);
+            let product = oracle(&case, applied.values(), grid);
             let exact: Vec<u64> = product.iter().map(|x| x.to_bits()).collect();
             prop_assert_eq!(state(&case, &fast), exact);
             prop_assert_eq!(bits(&picture), rounded(&product));
 
             let mut again = vec![f32::NAN; picture.len()];
-            plain.apply(&case.matrix, &update, &mut again).unwrap();
+            plain.apply(&case.matrix, &update, Some(&mut again)).unwrap();
             prop_assert_eq!(bits(&again), bits(&picture));
             prop_assert_eq!(state(&case, &plain), state(&case, &fast));
 
             for engine in [Engine::Portable, Engine::Native] {
-                multiply_gridded(&case.matrix, &[fast.values()], engine, &mut again).unwrap();
+                multiply_gridded(&case.matrix, &[applied.values()], engine, &mut again).unwrap();
                 prop_assert_eq!(bits(&again), bits(&picture));
             }
         }
@@ -215,7 +216,7 @@ proptest! {
         let case = case(seed, width);
         let mut random = Random(seed ^ 0x1234 | 1);
         let columns = case.matrix.bands.columns();
-        let rows = RowNorm::of(&case.matrix);
+        let rows = Span::of(&case.matrix);
         let lights: Vec<Light> =
             (0..lights).map(|k| light(&mut random, columns, [1.0, 1e5, 1e-4][k % 3])).collect();
         let product = |lights: &[Light]| {
@@ -249,18 +250,20 @@ proptest! {
         let case = case(seed, width);
         let mut random = Random(seed ^ 0x77 | 1);
         let bands = &case.matrix.bands;
-        let rows = RowNorm::of(&case.matrix);
+        let span = Span::of(&case.matrix);
         let target = light(&mut random, bands.columns(), scale);
-        let grid = Grid::for_light(light_norm(&target), rows, 2).unwrap();
+        let grid = Grid::for_light(light_norm(&target), span, 2).unwrap();
         let mut response = Response::new(&case.matrix);
         let mut picture = vec![0.0; 3 * case.matrix.rows];
-        let update = some_update(&mut random, &case, response.values(), &grid.quantise_all(&target));
-        response.apply(&case.matrix, &update, &mut picture).unwrap();
+        let mut applied = Applied::new(bands);
+        let update = some_update(&mut random, &case, &mut applied, &grid.quantise_all(&target));
+        response.apply(&case.matrix, &update, Some(&mut picture)).unwrap();
 
-        let measured = Measured::new(bands, &target, response.values());
-        prop_assert!(measured.applied >= light_norm(response.values()) * (1.0 - 1e-15));
+        let measured = Measured::new(bands, &target, applied.values());
+        prop_assert!(measured.applied >= light_norm(applied.values()) * (1.0 - 1e-15));
         let mut bounds = vec![0.0; picture.len()];
-        bound_rows(&case.matrix, &measured, &picture, &mut bounds);
+        let rows = bound_rows(&case.matrix, &measured);
+        finish_bounds(&picture, &mut bounds, |row, add| add(rows[row], 1.0));
         let largest = Bound::new(&case.matrix).largest(&measured);
         let unit = 2f64.powi(case.matrix.quantum);
         for (i, (stored, dropped)) in case.integers.iter().zip(&case.dropped).enumerate() {
@@ -279,7 +282,7 @@ proptest! {
     /// Rounding to a grid: odd, idempotent, within half a spacing, and of no effect on what is coarser already.
     #[test]
     fn a_grid_rounds_evenly(x in -1e38f64..1e38, norm_exponent in -120i32..127, span in 0i32..20) {
-        let rows = RowNorm { exponent: span - 10, quantum: -10 };
+        let rows = Span(span);
         let norm = 2f64.powi(norm_exponent) * 1.25;
         let grid = Grid::for_light(norm, rows, 4).unwrap();
         prop_assert!(grid.holds(16.0 * norm) && !grid.holds(33.0 * norm));
@@ -303,16 +306,17 @@ fn a_repeating_light_does_not_drift() {
     let columns = case.matrix.bands.columns();
     let frames: Vec<Light> = (0..10).map(|k| light(&mut random, columns, [1e5, 1.0][k % 2])).collect();
     let norm = frames.iter().map(|frame| light_norm(frame)).fold(0.0, f64::max);
-    let grid = Grid::for_light(norm, RowNorm::of(&case.matrix), 2).unwrap();
+    let grid = Grid::for_light(norm, Span::of(&case.matrix), 2).unwrap();
     let frames: Vec<Light> = frames.iter().map(|frame| grid.quantise_all(frame)).collect();
     let mut response = Response::new(&case.matrix);
     let mut picture = vec![0.0; 3 * case.matrix.rows];
+    let mut applied = Applied::new(&case.matrix.bands);
     let mut first = None;
     for _ in 0..1000 {
         for frame in &frames {
-            let change = |j: usize| std::array::from_fn(|k| frame[j][k] - response.values()[j][k]);
-            let terms = (0..columns).map(|j| Term { column: j as u32, change: change(j) }).collect();
-            response.apply(&case.matrix, &Update { resets: vec![], terms }, &mut picture).unwrap();
+            let none = vec![false; case.matrix.bands.count()];
+            let update = applied.send(&case.matrix.bands, &none, (0..columns).map(|column| (column, 0..3)), frame);
+            response.apply(&case.matrix, &update, Some(&mut picture)).unwrap();
         }
         let now = state(&case, &response);
         assert_eq!(*first.get_or_insert_with(|| now.clone()), now);
@@ -323,7 +327,7 @@ fn a_repeating_light_does_not_drift() {
 #[test]
 fn lights_of_any_size_have_a_grid() {
     let case = case(3, Width::I16);
-    let rows = RowNorm::of(&case.matrix);
+    let rows = Span::of(&case.matrix);
     let columns = case.matrix.bands.columns();
     for size in [0.0, 1e-38, 1e38] {
         let grid = Grid::for_light(light_norm(&vec![[size; 3]; columns]), rows, 6).unwrap();
@@ -334,7 +338,7 @@ fn lights_of_any_size_have_a_grid() {
         light[columns / 2][1] = wrong;
         assert!(Grid::for_light(light_norm(&light), rows, 6).is_err());
     }
-    assert!(Grid::for_light(1.0, RowNorm { exponent: 20, quantum: -20 }, 1).is_err());
+    assert!(Grid::for_light(1.0, Span(40), 1).is_err());
 }
 
 /// What cannot be applied is refused, and leaves the state as it was.
@@ -352,10 +356,11 @@ fn wrong_updates_are_refused() {
         (vec![case.matrix.bands.count()], vec![]),
         (vec![1, 0], vec![]),
     ] {
-        assert!(response.apply(&case.matrix, &Update { resets, terms }, &mut picture).is_err());
+        let update = Update { resets, moves: terms.clone(), terms, afresh: false };
+        assert!(response.apply(&case.matrix, &update, Some(&mut picture)).is_err());
     }
-    assert!(response.apply(&case.matrix, &Update::default(), &mut picture[1..]).is_err());
-    assert!(response.values().iter().all(|value| *value == [0.0; 3]));
+    assert!(response.apply(&case.matrix, &Update::default(), Some(&mut picture[1..])).is_err());
+    assert!(response.tiles().iter().flatten().all(|sums| sums.0 == [[0.0; GROUP]; 3]));
     let light = vec![[1.0; 3]; columns as usize - 1];
-    assert!(multiply(&case.matrix, RowNorm::of(&case.matrix), &[&light], &mut picture).is_err());
+    assert!(multiply(&case.matrix, Span::of(&case.matrix), &[&light], &mut picture).is_err());
 }

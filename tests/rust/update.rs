@@ -11,7 +11,11 @@ type Light = Vec<[f64; 3]>;
 /// Four bands of 6 + 18, 72 and 288 columns would be slow to enumerate: 6, 6, 12 and 20 do.
 fn bands() -> Bands {
     let areas = [(12, 16.0), (12, 4.0), (20, 1.0)];
-    Bands { starts: vec![0, 6, 12, 24, 44], areas: areas.iter().flat_map(|&(n, area)| vec![area; n]).collect() }
+    Bands {
+        starts: vec![0, 6, 12, 24, 44],
+        areas: areas.iter().flat_map(|&(n, area)| vec![area; n]).collect(),
+        always: 0,
+    }
 }
 
 const PER_BAND: fn(BandTest, Norm) -> Method = |test, norm| Method::PerBand { test, norm };
@@ -46,7 +50,7 @@ fn settings() -> impl Strategy<Value = Settings> {
         // Some columns may be worth nothing, and some may cost nothing.
         let weights = if area { bands.areas.clone() } else { (0..44).map(|j| (j % 5) as f64 * 0.3).collect() };
         let costs = (0..44).map(|j| if j % 7 < free { 0.0 } else { 1.0 + (j % 11) as f64 }).collect();
-        Settings { method, budget, weights, costs, channels }
+        Settings { method, budget, weights, costs, colours: channels }
     })
 }
 
@@ -145,7 +149,7 @@ fn printed(method: Method, terms: usize, weights: &[f64], target: &[[f64; 3]], v
 }
 
 fn joint(method: Method, budget: Budget) -> Settings {
-    Settings { method, budget, weights: bands().areas, costs: Vec::new(), channels: Colours::Joint }
+    Settings { method, budget, weights: bands().areas, costs: Vec::new(), colours: Colours::Joint }
 }
 
 proptest! {
@@ -180,7 +184,7 @@ proptest! {
         }
 
         let pairs = |term: &_core::update::Term| term.change.iter().filter(|change| **change != 0.0).count();
-        let sent = match settings.channels {
+        let sent = match settings.colours {
             Colours::Joint => update.terms.len(),
             Colours::Separate => update.terms.iter().map(pairs).sum(),
         };
@@ -190,7 +194,7 @@ proptest! {
                 prop_assert_eq!(update, Update::default());
             }
             Budget::Terms(terms) => prop_assert!(sent <= terms),
-            Budget::Cost(budget) if settings.channels == Colours::Joint => {
+            Budget::Cost(budget) if settings.colours == Colours::Joint => {
                 let costs: Vec<f64> = streamed(&bands, &before, &update).map(|j| settings.costs[j]).collect();
                 let paid = costs.iter().filter(|cost| **cost > 0.0).count();
                 prop_assert!(costs.iter().sum::<f64>() <= budget || paid == 1, "{costs:?} for {budget}");
@@ -212,7 +216,7 @@ proptest! {
         let first = follow.step(&target).unwrap();
 
         // m is what differs once the first frame has reset what it resets.
-        let lanes = if settings.channels == Colours::Joint { 1 } else { 3 };
+        let lanes = if settings.colours == Colours::Joint { 1 } else { 3 };
         let left = follow.values().iter().zip(&target).filter(|(v, t)| v != t).count() * lanes;
         let automatic = matches!(
             settings.method,
@@ -336,7 +340,7 @@ fn linear_keeps_the_first_columns() {
 /// 256 coefficients and 30 a frame: exact in ceil(256 / 30) = 9 frames (Overbeck 2006, section 4.2), not in 8.
 #[test]
 fn nine_frames() {
-    let bands = Bands { starts: vec![0, 256], areas: vec![1.0; 256] };
+    let bands = Bands { starts: vec![0, 256], areas: vec![1.0; 256], always: 0 };
     let target: Light = (0..256).map(|j| [1.0 / (j + 1) as f64, 0.3, -(j as f64)]).collect();
     let settings = Settings { weights: vec![1.0; 256], ..joint(Method::Incremental, Budget::Terms(30)) };
     let mut follow = Approximation::new(bands, settings).unwrap();
@@ -353,7 +357,7 @@ fn nine_frames() {
 /// largest takes 22 - 6 = 16 off, its largest change 16 as well: of equals the increment stays.
 #[test]
 fn two_bands_by_hand() {
-    let bands = Bands { starts: vec![0, 2, 4], areas: vec![1.0; 4] };
+    let bands = Bands { starts: vec![0, 2, 4], areas: vec![1.0; 4], always: 0 };
     let gray = |x: [f64; 4]| x.map(|x| [x, 0.0, 0.0]).to_vec();
     let (copy, target) = (gray([5.0, 0.0, -8.0, 0.0]), gray([4.0, 1.0, 8.0, 6.0]));
     let after = |test, terms| {
@@ -374,7 +378,7 @@ fn two_bands_by_hand() {
 /// gets none keeps its values.
 #[test]
 fn harmonics_fill_low_bands_first() {
-    let bands = Bands { starts: vec![0, 1, 4], areas: vec![1.0; 4] };
+    let bands = Bands { starts: vec![0, 1, 4], areas: vec![1.0; 4], always: 0 };
     let gray = |x: [f64; 4]| x.map(|x| [x, 0.0, 0.0]).to_vec();
     let target = gray([1.0, 100.0, 50.0, 2.0]);
     let after = |tolerance, terms| {
@@ -397,7 +401,7 @@ fn harmonics_fill_low_bands_first() {
 /// costs 3, and puts the light into the columns that it takes out. What is left pays for the first band.
 #[test]
 fn resets_cost_what_they_stream() {
-    let bands = Bands { starts: vec![0, 2, 5], areas: vec![1.0; 5] };
+    let bands = Bands { starts: vec![0, 2, 5], areas: vec![1.0; 5], always: 0 };
     let gray = |x: [f64; 5]| x.map(|x| [x, 0.0, 0.0]).to_vec();
     let (copy, target) = (gray([5.0, 0.0, -8.0, -7.0, -1.0]), gray([4.0, 1.0, 8.0, 6.0, 0.0]));
     let after = |test, cost| {
@@ -482,7 +486,7 @@ fn settings_are_checked() {
     let tolerated = |factors| Budget::Error { tolerance: 0.1, factors };
     refused(bands(), joint(Method::Incremental, tolerated(vec![1.0; 3])));
     refused(bands(), joint(Method::HarmonicOrder { tolerance: f64::NAN }, Budget::Terms(1)));
-    let many = Bands { starts: (0..=13).collect(), areas: vec![1.0; 13] };
+    let many = Bands { starts: (0..=13).collect(), areas: vec![1.0; 13], always: 0 };
     refused(many, Settings { weights: vec![1.0; 13], ..good.clone() });
 
     // A budget that is refused leaves the old one in force.

@@ -12,7 +12,7 @@ from ..light.environment import Environment
 from ..light.motion import Motion
 from ..output import nearest
 from ..precomputation.room import check_room
-from ..precomputation.run import plan, precompute
+from ..precomputation.run import Precomputation
 from ..progress import Progress
 from ..report import check_report, report
 from ..scene.scene import Scene
@@ -77,11 +77,11 @@ def demo(
     envs = [Environment.builtin("sky"), Environment.builtin("hall")]
     scene = Scene.builtin("plant")
     scene = scene.with_camera(scene.camera.resized(*size))
-    drawn = plan(scene, columns=columns, quality=QUALITY)
     check_report(envs, path, motion)
-    check_room(drawn, nearest(path) / _TRANSPORT)
-    say(drawn)
+    request = Precomputation(scene, columns, QUALITY, None)
+    check_room(request.plan, nearest(path) / _TRANSPORT)
+    say(request.plan)
     path.mkdir(parents=True, exist_ok=True)
-    transport = precompute(scene, path / _TRANSPORT, columns=columns, quality=QUALITY, progress=progress)
+    transport = request.run(path / _TRANSPORT, progress)
     say(transport)
     return report(transport, envs, path, frames=frames, hold=hold, progress=progress)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import Any
 
 from ..precomputation.quality import QUALITIES
-from ..precomputation.run import plan, precompute
+from ..precomputation.room import check_folder_of
+from ..precomputation.run import Precomputation
 from ..scene.builtin.catalogue import SCENES
 from ..transport.transport import Transport
 from .arguments import add_command, read_camera, read_size, say, scene_of
@@ -40,11 +42,13 @@ def add(commands: Any) -> None:
 def _precompute(chosen: argparse.Namespace) -> None:
     if chosen.output is None and not chosen.plan:
         raise ValueError("expected -o FILE, the transport to write, or --plan")
-    scene = scene_of(chosen)
-    settings = {"columns": chosen.columns, "quality": chosen.quality, "tolerance": chosen.tolerance}
-    say(plan(scene, **settings))
     if chosen.output is not None and not chosen.plan:
-        say(precompute(scene, chosen.output, **settings))
+        check_folder_of(Path(chosen.output))
+    scene = scene_of(chosen)
+    request = Precomputation(scene, chosen.columns, chosen.quality, chosen.tolerance)
+    say(request.plan)
+    if chosen.output is not None and not chosen.plan:
+        say(request.run(chosen.output))
         say(f"{chosen.output} is ready")
 
 

@@ -12,6 +12,7 @@ from ..relight.film import FORMATS, Film, check_frames, relight_frames
 from ..transport.transport import Transport
 from ..update.methods import WEIGHTS, Full, HarmonicOrder, Incremental, Linear, Method, Nonlinear, PerBand
 from .arguments import add_command, add_light, add_motion, environment_of, motion_of, say
+from .own import OWN, read_own
 
 _METHODS: dict[str, Callable[..., Method]] = {
     "nwa": Nonlinear,
@@ -30,7 +31,10 @@ def add(commands: Any) -> None:
     command.add_argument("--sequence", choices=SEQUENCES, default="rotation", help="default: %(default)s")
     command.add_argument("--other", metavar="ENV", help="what --sequence interpolation ends with; default: hall")
     add_motion(command, rotate=180.0, hold=0)
-    command.add_argument("--method", choices=("full", *_METHODS), default="pbi", help="default: %(default)s")
+    names = ", ".join(("full", *_METHODS))
+    command.add_argument(
+        "--method", type=_read_method, default="pbi", metavar="METHOD", help=f"{names}, or {OWN}; default: %(default)s"
+    )
     budget = command.add_mutually_exclusive_group()
     budget.add_argument("--terms", type=int, help="columns a frame; default: 30")
     budget.add_argument("--milliseconds", type=float, metavar="MS", help="time a frame, instead of --terms")
@@ -71,6 +75,16 @@ def _film(chosen: argparse.Namespace) -> Film:
     return Film(make(name, env, chosen.frames, hold=chosen.hold, **options), chosen.frames + chosen.hold, env)
 
 
+def _read_method(text: str) -> str | type[Method]:
+    """A name, or a class of one's own."""
+    if text == "full" or text in _METHODS:
+        return text
+    if ":" in text or text.endswith(".py"):
+        return read_own(text)
+    names = ", ".join(("full", *_METHODS))
+    raise argparse.ArgumentTypeError(f"expected a method of {names}, or {OWN}, got {text!r}")
+
+
 def _method(chosen: argparse.Namespace) -> Method:
     budgets = {name: getattr(chosen, name) for name in ("terms", "milliseconds", "error")}
     given = {name: value for name, value in budgets.items() if value is not None}
@@ -79,5 +93,6 @@ def _method(chosen: argparse.Namespace) -> Method:
             raise ValueError(f"expected no --{next(iter(given))} with --method full, which sends all that differs")
         return Full()
     weight = {} if chosen.weight is None else {"weight": chosen.weight}
+    make = _METHODS[chosen.method] if isinstance(chosen.method, str) else chosen.method
     # Harmonic order has a number of terms of its own, which another budget takes the place of.
-    return _METHODS[chosen.method](**{"terms": None, **(given or {"terms": 30})}, **weight)
+    return make(**{"terms": None, **(given or {"terms": 30})}, **weight)

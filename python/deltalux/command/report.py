@@ -8,6 +8,7 @@ from typing import Any
 from ..report import check_report, report
 from ..transport.transport import Transport
 from .arguments import add_command, add_light, add_motion, environment_of, motion_of, say
+from .own import add_own, own_of
 
 
 def add(commands: Any) -> None:
@@ -16,6 +17,7 @@ def add(commands: Any) -> None:
     command.add_argument("transport", metavar="TRANSPORT")
     add_light(command, several=True)
     add_motion(command, rotate=45.0, hold=25)
+    add_own(command)
     command.add_argument("-o", "--output", required=True, metavar="FOLDER")
 
 
@@ -24,6 +26,13 @@ def _report(chosen: argparse.Namespace) -> None:
     envs, transport = [environment_of(name, chosen) for name in chosen.env], Transport.open(chosen.transport)
     check_report(envs, chosen.output, motion)
     page = report(
-        transport, envs, chosen.output, rotate=motion.rotate, frames=motion.frames, hold=motion.hold, axis=motion.axis
+        transport,
+        envs,
+        chosen.output,
+        rotate=motion.rotate,
+        frames=motion.frames,
+        hold=motion.hold,
+        axis=motion.axis,
+        methods=own_of(chosen),
     )
     say(f"{page.parent.absolute()} holds the report; open {page.absolute()} in a browser")

@@ -14,6 +14,7 @@ from ..scene.builtin.catalogue import SCENES
 from ..studies import STUDIES, check_study, study
 from ..transport.transport import Transport
 from .arguments import add_command, add_light, add_motion, environment_of, motion_of, read_size, say, scene_of
+from .own import add_own, own_of
 
 _STUDY_LIGHT = "hall"
 
@@ -33,6 +34,7 @@ def add(commands: Any) -> None:
     )
     command.add_argument("--columns", default="haar:64", metavar="haar:N", help="default: %(default)s")
     add_motion(command, rotate=45.0, hold=25)
+    add_own(command)
     command.add_argument("-o", "--output", metavar="FOLDER", help="default: deltalux-study-NAME")
 
 
@@ -41,16 +43,16 @@ def _study(chosen: argparse.Namespace) -> None:
     name, motion = chosen.study, motion_of(chosen)
     folder = Path(chosen.output or f"deltalux-study-{name}")
     envs = [environment_of(env, chosen) for env in chosen.env or [_STUDY_LIGHT]]
-    columns = parse(chosen.columns)
+    columns, own = parse(chosen.columns), own_of(chosen)
     if not isinstance(columns, Haar):
         raise ValueError(f"studies follow wavelets: expected --columns haar:N, got {columns}")
     if STUDIES[name].needs_scene and not chosen.scene:
         raise ValueError(f"the study {name} looks at pictures: expected --scene SCENE")
     if not chosen.scene:
-        check_study(name, folder, envs, motion=motion, columns=columns)
+        check_study(name, folder, envs, motion=motion, columns=columns, methods=own)
     check_folder(folder)
     transports = [_study_transport(scene, chosen, folder) for scene in chosen.scene]
-    page = study(name, folder, envs, transports, motion=motion, columns=columns)
+    page = study(name, folder, envs, transports, motion=motion, columns=columns, methods=own)
     say(f"{page.parent.absolute()} holds the study; open {page.absolute()} in a browser")
 
 

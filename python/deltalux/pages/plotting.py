@@ -10,18 +10,35 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..columns import Columns
+from ..columns.inner import AnyColumns
 from ..light.motion import Motion
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["FAMILIES", "MARKERS", "across", "draw_resets", "drawing", "logarithmic", "mark_stop", "percent"]
+__all__ = [
+    "FAMILIES",
+    "MARKERS",
+    "across",
+    "colour_of",
+    "draw_resets",
+    "drawing",
+    "logarithmic",
+    "mark_stop",
+    "percent",
+]
 
 # Okabe and Ito's colours, which colour-blind readers tell apart; shades run with the budget.
-FAMILIES = {"NWA": "#D55E00", "BI": "#009E73", "PBI": "#0072B2", "PBI by transport": "#CC79A7", "exact": "#000000"}
-MARKERS = {"NWA": "o", "BI": "s", "PBI": "D", "PBI by transport": "^", "exact": "*"}
+FAMILIES = {
+    "NWA": "#D55E00",
+    "BI": "#009E73",
+    "PBI": "#0072B2",
+    "PBI by transport": "#CC79A7",
+    "own": "#E69F00",
+    "exact": "#000000",
+}
+MARKERS = {"NWA": "o", "BI": "s", "PBI": "D", "PBI by transport": "^", "own": "X", "exact": "*"}
 _STYLE: Any = {
     "font.family": "DejaVu Sans",
     "font.size": 10,
@@ -83,7 +100,7 @@ def mark_stop(axes: Axes, motion: Motion) -> None:
 
 def draw_resets(
     both: Sequence[Axes],
-    columns: Columns,
+    columns: AnyColumns,
     motion: Motion,
     layers: Sequence[tuple[NDArray[np.bool_], str]],
     notes: Sequence[str],
@@ -107,6 +124,11 @@ def draw_resets(
     profile.set(xlabel="Frame", ylabel="Angle (degrees)", xlim=(0, len(motion.angles) - 1))
     for axes in both:
         axes.axvline(motion.stop, color="#888888", linewidth=1)
+
+
+def colour_of(method: str) -> str:
+    """The colour of a method by its name; those of one's own share one."""
+    return FAMILIES.get(method.split("-")[0], FAMILIES["own"])
 
 
 def across(axes: Axes) -> Any:

@@ -1,75 +1,170 @@
-"""The plan: what a precomputation will compute, what it leaves out and why, and what it will cost."""
+"""The plan: what a precomputation will compute, what it leaves out and why, and what it will cost.
+
+Every line follows from the scene and the request; the cost from a probe of about a second on the scene itself.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from .._core import threads as used_threads
-from ..columns import Columns, Haar
-from ..scene.scene import Scene
-from ..transport.entry import ENTRY_BYTES, GROUP, TILE_ROWS
-from ..transport.plan import Plan
-from .quality import Quality
+from ..transport.entry import GROUP, TILE_ROWS, TILES_PER_SHARD, entry_bytes
+from ..transport.plan import Cost, LeftOut, Part, Plan
+from .preparation import BUNDLE, QUANTUM, Prepared, surveyed_bundles
 
-__all__ = ["make_plan"]
+__all__ = ["DIRECT", "make_plan"]
 
-# Estimates, from the built-in plant at 512 x 512 and haar:64: rows for each pixel, the share of rays above the horizon,
-# edge rays for each first ray, rays a second and thread, and entries for each group of 16 rows.
-_ROWS_PER_PIXEL = 1.25
-_ABOVE = 0.5
-_EDGE_RAYS = 1.2
-_RAYS_PER_SECOND = 6e6
-_ENTRIES_PER_GROUP = {"preview": 60, "publication": 420, "lossless": 9000}
+DIRECT = "direct"
+"""The part, and the pass, of light that arrives directly."""
+
+# Seconds of the probe, and bundles that are surveyed for it.
+_PROBE = 0.8
+_LOOKED = 8
+# Bytes that a row takes until its receivers are written, each triangle in the tree, and the interpreter.
+_ROW, _TRIANGLE, _INTERPRETER = 250.0, 400.0, 120e6
+# Untruncated groups that a transport keeps, and how much of their columns is not zero.
+_AUDIT_GROUPS, _FILLED = 32, 0.5
+# How far runs of one scene on one idle machine scatter, besides what the probe does not see.
+_SCATTER = 0.1
 
 
-def make_plan(scene: Scene, columns: Columns, quality: str, settings: Quality) -> Plan:
-    """Looks at the scene and the request; shoots no ray."""
-    camera = scene.camera
-    pixels = camera.width * camera.height
-    rows = round(pixels * (_ROWS_PER_PIXEL if settings.edges else 1))
-    threads = used_threads()
-    edge_rays = _EDGE_RAYS if settings.edge_side else 0.0
-    texels = 6 * columns.face**2
-    rays = rows * texels * _ABOVE * (1 + edge_rays)
-    entry = ENTRY_BYTES[settings.width]
-    # Entries grow slower than columns, fine wavelets being sparse; harmonics are dense.
-    sparse = _ENTRIES_PER_GROUP.get(quality, 420) * (columns.columns / 24576) ** 0.5
-    entries = sparse if isinstance(columns, Haar) else columns.columns
-    triangles = len(scene.triangles)
-    in_flight = threads * 16 * texels * 4 * 2 + 4 * TILE_ROWS / GROUP * entries * entry * 3
-    return Plan(
-        scene=scene.name,
-        triangles=triangles,
-        picture=(camera.width, camera.height),
-        rows=rows,
+@dataclass(frozen=True)
+class _Probe:
+    """What a second on the scene has told. Shares and entries are the scene's own, the same on any machine."""
+
+    bundle_seconds: float
+    survey_seconds: float
+    first_rays: float
+    edge_rays: float
+    above_share: float
+    hit_share: float
+    entries_per_group: float
+    uncertainty: float
+
+
+def make_plan(prepared: Prepared) -> Plan:
+    """What is computed for a scene whose receivers are found, and what it costs."""
+    scene, settings, columns = prepared.scene, prepared.settings, prepared.columns
+    probe = _probe(prepared)
+    part = Part(
+        name=DIRECT,
+        make=DIRECT,
+        rows=prepared.count,
         columns=str(columns),
         column_count=columns.columns,
         bands=int(columns.bands[-1]) + 1,
         channels=1,
-        bounces=0,
         factors=1,
-        quality=quality,
+        bounces=0,
+        why=f"light of {6 * columns.face**2:,} texels that arrives directly",
+        cost=_cost(prepared, probe),
+    )
+    return Plan(
+        scene=scene.name,
+        triangles=len(scene.triangles),
+        picture=(scene.camera.width, scene.camera.height),
+        quality=prepared.quality,
         tolerance=settings.tolerance,
-        rays=rays,
-        bytes_on_disk=rows / GROUP * entries * entry + 60.0 * rows,
-        bytes_in_memory=120e6 + 400.0 * triangles + 250.0 * rows + in_flight,
-        seconds=rays / (_RAYS_PER_SECOND * threads),
-        threads=threads,
-        left_out=_left_out(scene, settings),
+        parts=[part],
+        left_out=_left_out(prepared, probe),
         notes=[*(f"{count} {what}" for what, count in scene.counts.items() if count), *scene.warnings],
     )
 
 
-def _left_out(scene: Scene, settings: Quality) -> list[str]:
-    reasons = [
-        "2 of 3 colour channels: surfaces are diffuse and lit directly, so albedos stay outside M",
-        "bounces: light that arrives directly only",
-        "view factors: the view is fixed and surfaces are diffuse",
-        "rows for pixels and parts of pixels that see no surface: they show the environment itself",
-        "rays and columns below each receiver's horizon, and entries of M that truncation finds too small",
+def _probe(prepared: Prepared) -> _Probe:
+    """Surveys a few bundles for a threshold, and then makes bundles as the pass will, for most of a second."""
+    width = prepared.settings.width
+    looked = min(_LOOKED, prepared.bundles)
+    started = prepared.clock()
+    threshold, _, entries, _, _, rays, unhit = prepared.direct.survey(
+        looked, tolerance=prepared.settings.tolerance, quantum=QUANTUM, width=width
+    )
+    surveyed = prepared.clock() - started
+    # Where all is done in a moment, a probe would take longer than the work.
+    seconds = min(_PROBE, max(0.05 * surveyed / looked * prepared.bundles, 0.02))
+    bundles, took, first, edge = prepared.direct.probe(seconds, threshold=threshold, quantum=QUANTUM, width=width)
+    texels = 6 * prepared.columns.face**2
+    return _Probe(
+        bundle_seconds=took / bundles,
+        survey_seconds=surveyed / looked,
+        first_rays=first / bundles,
+        edge_rays=edge / bundles,
+        above_share=rays / (min(looked * BUNDLE, prepared.count) * texels),
+        hit_share=1 - unhit / max(rays, 1),
+        entries_per_group=entries,
+        uncertainty=_SCATTER + 0.5 / bundles**0.5,
+    )
+
+
+def _cost(prepared: Prepared, probe: _Probe) -> Cost:
+    rows, columns, settings = prepared.count, prepared.columns, prepared.settings
+    groups, tiles = -(-rows // GROUP), -(-rows // TILE_ROWS)
+    entry = entry_bytes(settings.width, 1)
+    tile = TILE_ROWS / GROUP * probe.entries_per_group * entry
+    audit = min(_AUDIT_GROUPS, groups // 64) * columns.columns * _FILLED * entry_bytes("i16", 1)
+    bands = int(columns.bands[-1]) + 1
+    camera = prepared.scene.camera
+    receivers = rows * (4 + 4 + 36 + 2) + 4 * camera.width * camera.height
+    matrix = groups * probe.entries_per_group * entry + tiles * 4 * (columns.columns + 1) + rows * bands * 4
+    seconds = (
+        surveyed_bundles(rows) * probe.survey_seconds
+        + prepared.bundles * probe.bundle_seconds
+        # Writing, syncing and the check of everything: some milliseconds a file, and each byte thrice.
+        + 0.02 * (3 + -(-tiles // TILES_PER_SHARD))
+        + 3 * (matrix + receivers + audit) / 1e9
+    )
+    scratch = used_threads() * GROUP * 6 * columns.face**2 * 8
+    return Cost(
+        rays=prepared.bundles * (probe.first_rays + probe.edge_rays),
+        bytes_on_disk=matrix + receivers + audit,
+        bytes_in_memory=_INTERPRETER
+        + _TRIANGLE * len(prepared.scene.triangles)
+        + _ROW * rows
+        + scratch
+        + min(tiles, TILES_PER_SHARD) * tile * 3
+        + audit,
+        seconds=seconds,
+        least_seconds=seconds * (1 - probe.uncertainty),
+        most_seconds=seconds * (1 + probe.uncertainty),
+        threads=used_threads(),
+    )
+
+
+def _left_out(prepared: Prepared, probe: _Probe) -> list[LeftOut]:
+    """What the scene and the request do not call for: each reason names what was found."""
+    scene, settings, columns = prepared.scene, prepared.settings, prepared.columns
+    materials = "its material is" if len(scene.albedo) == 1 else f"all {len(scene.albedo)} materials are"
+    left_out = [
+        LeftOut("2 of 3 colour channels", f"{materials} diffuse and lit directly, so that albedos stay outside M"),
+        LeftOut("bounces", _bounces(probe)),
+        LeftOut("view factors", f"one view, and {materials} diffuse"),
     ]
+    behind = int((prepared.rows.background == 1).sum())
+    if behind:
+        left_out.append(LeftOut("rows for pixels without a surface", f"{behind:,} pixels show the environment itself"))
+    left_out.append(
+        LeftOut(
+            "rays below the horizon",
+            f"{100 * (1 - probe.above_share):.0f} % of {6 * columns.face**2:,} directions a receiver",
+        )
+    )
+    kept = probe.entries_per_group / columns.columns
+    if settings.tolerance > 0 and kept < 1:
+        left_out.append(
+            LeftOut("entries that truncation finds too small", f"{100 * (1 - kept):.1f} % of columns in 16 rows")
+        )
     if not settings.edges:
-        reasons.append("samples of pixel edges: one receiver a pixel (preview)")
+        left_out.append(LeftOut("samples of pixel edges", f"one receiver a pixel ({prepared.quality})"))
     if not settings.edge_side:
-        reasons.append("rays into shadow edges: one ray a texel (preview)")
+        left_out.append(LeftOut("rays into shadow edges", f"one ray a texel ({prepared.quality})"))
     if all(texture is None for texture in scene.textures):
-        reasons.append("texture look-ups: no material has a texture")
-    return reasons
+        left_out.append(LeftOut("texture look-ups", f"none of {len(scene.textures)} materials has a texture"))
+    return left_out
+
+
+def _bounces(probe: _Probe) -> str:
+    if probe.hit_share == 0:
+        return "no surface sees another: none of the rays that were tried hit"
+    return (
+        f"light between surfaces was not asked for; {100 * probe.hit_share:.0f} % of the rays above a horizon hit one"
+    )

@@ -1,36 +1,66 @@
-"""Room on the disk and in memory, looked at before any work."""
+"""Room on the disk and in memory, looked at before any long work."""
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 from pathlib import Path
 
+from ..scene.scene import Scene
 from ..transport.plan import Plan
 
+# What is taken before anything is known of the scene but its size: for each pixel that is looked at, each triangle, and
+# the interpreter with all that it loads.
+_PIXEL, _TRIANGLE, _INTERPRETER = 250.0, 400.0, 120e6
 
-def check_room(plan: Plan, path: Path) -> None:
-    """Refuses, before any work, what would not fit on the disk or in memory.
+
+def check_request(scene: Scene) -> None:
+    """Refuses, before any ray, what would not even fit in memory while its receivers are found.
 
     Raises
     ------
     ValueError
         With the number that is needed and the number that there is.
     """
+    pixels = scene.camera.width * scene.camera.height
+    _check_memory(scene.name, _INTERPRETER + _PIXEL * pixels + _TRIANGLE * len(scene.triangles))
+
+
+def check_folder_of(path: Path) -> Path:
+    """The directory that a transport will lie in; it must exist, and be one that may be written to."""
     folder = path.absolute().parent
     if not folder.is_dir():
         raise FileNotFoundError(f"expected a directory to write {path.name} into, but {folder} does not exist")
+    if not os.access(folder, os.W_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(folder))
+    return folder
+
+
+def check_room(plan: Plan, path: Path) -> None:
+    """Refuses, before any long work, what would not fit on the disk or in memory.
+
+    Raises
+    ------
+    ValueError
+        With the number that is needed and the number that there is.
+    """
+    folder = check_folder_of(path)
     free = shutil.disk_usage(folder).free
     if plan.bytes_on_disk > free:
         raise ValueError(
             f"{plan.scene} would take about {plan.bytes_on_disk / 1e6:,.0f} MB on disk, "
             f"but only {free / 1e6:,.0f} MB are free at {folder}; take fewer pixels or columns, or a lower quality"
         )
+    _check_memory(plan.scene, plan.bytes_in_memory)
+
+
+def _check_memory(name: str, needed: float) -> None:
     memory = _available_memory()
-    if memory is not None and plan.bytes_in_memory > memory:
+    if memory is not None and needed > memory:
         raise ValueError(
-            f"{plan.scene} would need about {plan.bytes_in_memory / 1e6:,.0f} MB of memory, "
-            f"but only {memory / 1e6:,.0f} MB are available; take fewer columns or fewer threads"
+            f"{name} would need about {needed / 1e6:,.0f} MB of memory, "
+            f"but only {memory / 1e6:,.0f} MB are available; take fewer pixels, columns or threads"
         )
 
 

@@ -1,55 +1,55 @@
-"""Precomputation: the loop over tiles (progress, Ctrl-C, resume). Rust does everything inside a tile."""
+"""Precomputation: the loop over parts and tiles (progress, Ctrl-C, resume). Rust does everything inside a tile."""
 
 from __future__ import annotations
 
 import json
 import os
-from dataclasses import asdict, replace
+from collections.abc import Callable
+from dataclasses import asdict
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
-from .._core import DirectPass, TileData, TransportWriter, __version__
-from .._core import Scene as CoreScene
-from ..columns import Columns, parse
+from .._core import TileData, TransportWriter, __version__
+from ..columns import Columns
 from ..progress import Progress, reporter
 from ..scene.scene import Scene
-from ..transport.entry import TILE_ROWS
-from ..transport.plan import Plan
+from ..transport.entry import TILE_ROWS, TILES_PER_SHARD
+from ..transport.plan import Part, Plan
 from ..transport.transport import Transport
-from .planning import make_plan
-from .quality import QUALITIES, Quality
-from .room import check_room
+from .planning import DIRECT, make_plan
+from .preparation import BUNDLE, QUANTUM, Prepared, surveyed_bundles
+from .room import check_folder_of, check_room
 
-__all__ = ["plan", "precompute"]
-
-# Every value of M is an integer times 2^-24: below what an image can show, coarse enough for exact sums.
-_QUANTUM = -24
-# Bundles of 64 rows that are looked at first, to choose the threshold for the stated error: one in twenty, but at
-# least and at most so many.
-_SURVEY = (8, 64)
-
-
-def _settings(quality: str, tolerance: float | None) -> Quality:
-    if quality not in QUALITIES:
-        raise ValueError(f"expected a quality of {', '.join(QUALITIES)}, got {quality!r}")
-    chosen = QUALITIES[quality]
-    if tolerance is None:
-        return chosen
-    if not 0 <= tolerance < 1:
-        raise ValueError(f"expected a tolerance from 0 to 1 (0.01 is 1 % image error), got {tolerance}")
-    return replace(chosen, tolerance=float(tolerance))
-
-
-def _columns(columns: Columns | str) -> Columns:
-    return parse(columns) if isinstance(columns, str) else columns
+__all__ = ["Precomputation", "plan", "precompute"]
 
 
 def plan(
     scene: Scene, *, columns: Columns | str = "haar:64", quality: str = "publication", tolerance: float | None = None
 ) -> Plan:
-    """What `precompute` would compute and leave out, and about what it would cost; shoots no ray."""
-    return make_plan(scene, _columns(columns), quality, _settings(quality, tolerance))
+    """What `precompute` would compute and leave out, and what it would cost.
+
+    The receivers are found, and a probe of about a second on the scene tells rays, bytes and time.
+
+    Parameters
+    ----------
+    scene
+        Geometry, materials and camera.
+    columns, quality, tolerance
+        As for `precompute`.
+
+    Returns
+    -------
+    Plan
+        Its parts are what `precompute` runs.
+
+    Raises
+    ------
+    ValueError
+        As `precompute`, but for what would not fit on a disk.
+    """
+    return Precomputation(scene, columns, quality, tolerance).plan
 
 
 def precompute(
@@ -84,10 +84,15 @@ def precompute(
     progress
         True: a bar on standard error. A callable: progress(rows done, rows in all).
 
+    Returns
+    -------
+    Transport
+        Opened from `path`.
+
     Raises
     ------
     ValueError
-        If an argument cannot be used or the result would not fit, before any ray is shot.
+        If an argument cannot be used or the result would not fit, before any long work.
     OSError
         If the disk refuses; what was finished is kept for the next run.
 
@@ -98,66 +103,92 @@ def precompute(
     """
     if receivers != "pixels":
         raise ValueError(f'expected receivers="pixels", got {receivers!r}')
-    columns, settings, path = _columns(columns), _settings(quality, tolerance), Path(path)
-    drawn = make_plan(scene, columns, quality, settings)
-    check_room(drawn, path)
+    check_folder_of(Path(path))
+    return Precomputation(scene, columns, quality, tolerance).run(path, progress)
 
-    job = {"scene": scene.content_hash(), "columns": str(columns), "version": __version__, **asdict(settings)}
-    run = _Run(scene, columns, settings, reporter(progress, scene.name))
-    run.writer = TransportWriter(path, json.dumps(job, sort_keys=True))
-    error, threshold = run.trace()
-    run.finish(drawn, error, threshold)
-    return Transport.open(path)
+
+class Precomputation:
+    """One request: first its plan, then the run of the plan.
+
+    Parameters
+    ----------
+    scene, columns, quality, tolerance
+        As for `precompute`.
+    """
+
+    def __init__(self, scene: Scene, columns: Columns | str, quality: str, tolerance: float | None) -> None:
+        self._prepared = Prepared(scene, columns, quality, tolerance)
+
+    @cached_property
+    def plan(self) -> Plan:
+        """What will be computed: see `plan`."""
+        return make_plan(self._prepared)
+
+    def run(self, path: str | os.PathLike[str], progress: bool | Progress = True) -> Transport:
+        """Computes every part of the plan, and opens the result.
+
+        Parameters
+        ----------
+        path, progress
+            As for `precompute`.
+
+        Returns
+        -------
+        Transport
+
+        Raises
+        ------
+        ValueError, OSError
+            As `precompute`.
+        """
+        scene, settings = self._prepared.scene, self._prepared.settings
+        check_room(self.plan, Path(path))
+        job = {
+            "scene": scene.content_hash(),
+            "columns": str(self._prepared.columns),
+            "version": __version__,
+            **asdict(settings),
+        }
+        writer = TransportWriter(path, json.dumps(job, sort_keys=True))
+        run = _Run(self._prepared, writer, reporter(progress, scene.name, self.plan.seconds))
+        for part in self.plan.parts:
+            _PASSES[part.make](run, part)
+        run.finish(self.plan)
+        return Transport.open(path)
 
 
 class _Run:
-    """One precomputation: find the receivers, look at some of them, then trace tile after tile."""
+    """The passes of one precomputation, and what they leave for the end."""
 
-    writer: TransportWriter
-    """Given once the receivers are found: a camera that sees nothing must leave nothing on the disk."""
+    def __init__(self, prepared: Prepared, writer: TransportWriter, tell: Progress) -> None:
+        self.prepared, self.writer, self.tell = prepared, writer, tell
+        self.parts: list[tuple[str, str, int, int, int, str, int]] = []
+        self.notes: list[str] = []
 
-    def __init__(self, scene: Scene, columns: Columns, settings: Quality, tell: Progress) -> None:
-        self.scene, self.columns, self.settings, self.tell = scene, columns, settings, tell
-        camera = scene.camera
-        right, up, forward = camera.basis()
-        core = CoreScene(scene.vertices, scene.triangles, scene.material)
-        self.rows = core.receivers(
-            position=tuple(camera.position),
-            right=tuple(right),
-            up=tuple(up),
-            forward=tuple(forward),
-            half_height=float(np.tan(np.radians(camera.vertical_fov) / 2)),
-            width=camera.width,
-            height=camera.height,
-            edges=settings.edges,
-        )
-        self.count = len(self.rows)
-        if self.count == 0:
-            raise ValueError(f"the camera sees nothing of {scene.name}: no pixel shows a surface")
-        self.direct = DirectPass(core, self.rows, columns=str(columns), edge_side=settings.edge_side)
-
-    def trace(self) -> tuple[float, float]:
-        """Writes every shard that is not there yet; returns the expected error and the threshold that gives it."""
-        bundles = min(max(self.count // (20 * 64), _SURVEY[0]), _SURVEY[1])
-        looked = min(bundles * 64, self.count)
-        total = looked + self.count
-        threshold, error, _, groups, tile = self.direct.survey(
+    def direct(self, part: Part) -> None:
+        """Looks at some bundles, then traces tile after tile; shards that are there already are not traced again."""
+        count, settings = self.prepared.count, self.prepared.settings
+        bundles = surveyed_bundles(count)
+        looked = min(bundles * BUNDLE, count)
+        total = looked + count
+        threshold, error, _, groups, tile, _, _ = self.prepared.direct.survey(
             bundles,
-            tolerance=self.settings.tolerance,
-            quantum=_QUANTUM,
-            width=self.settings.width,
+            tolerance=settings.tolerance,
+            quantum=QUANTUM,
+            width=settings.width,
             progress=lambda done: self.tell(done, total),
         )
         self.audit = (groups, tile)
-        tiles = -(-self.count // TILE_ROWS)
-        per_shard = self.writer.TILES_PER_SHARD
-        finished = set(self.writer.finished())
-        for shard in range(-(-tiles // per_shard)):
-            numbers = range(shard * per_shard, min((shard + 1) * per_shard, tiles))
+        tiles = -(-count // TILE_ROWS)
+        finished = set(self.writer.finished(part.name))
+        for shard in range(-(-tiles // TILES_PER_SHARD)):
+            numbers = range(shard * TILES_PER_SHARD, min((shard + 1) * TILES_PER_SHARD, tiles))
             if shard not in finished:
-                self.writer.write_shard(shard, [self._tile(tile, threshold, looked, total) for tile in numbers])
-            self.tell(looked + min(numbers.stop * TILE_ROWS, self.count), total)
-        return error, threshold
+                made = [self._tile(tile, threshold, looked, total) for tile in numbers]
+                self.writer.write_shard(part.name, shard, made)
+            self.tell(looked + min(numbers.stop * TILE_ROWS, count), total)
+        self.parts.append((part.name, part.columns, count, part.channels, QUANTUM, settings.width, TILE_ROWS))
+        self.notes.append(f"truncated at {threshold:.3g}: {100 * error:.3g} % expected image error")
 
     def _tile(self, tile: int, threshold: float, looked: int, total: int) -> TileData:
         first = tile * TILE_ROWS
@@ -165,43 +196,35 @@ class _Run:
         def tell(done: int) -> None:
             self.tell(looked + first + done, total)
 
-        data, _, _ = self.direct.tile(
+        data, _, _ = self.prepared.direct.tile(
             first,
-            min(TILE_ROWS, self.count - first),
+            min(TILE_ROWS, self.prepared.count - first),
             threshold=threshold,
-            quantum=_QUANTUM,
-            width=self.settings.width,
+            quantum=QUANTUM,
+            width=self.prepared.settings.width,
             progress=tell,
         )
         return data
 
-    def finish(self, drawn: Plan, error: float, threshold: float) -> None:
+    def finish(self, plan: Plan) -> None:
         """Writes what turns rows into pictures, and what was done and left out."""
-        scene, camera, rows = self.scene, self.scene.camera, self.rows
-        behind = int((rows.background == 1).sum())
-        done = replace(
-            drawn,
-            rows=self.count,
-            left_out=[*drawn.left_out, f"{behind:,} pixels of background"],
-            notes=[*drawn.notes, f"truncated at {threshold:.3g}: {100 * error:.3g} % expected image error"],
-        )
+        scene, rows = self.prepared.scene, self.prepared.rows
+        camera = scene.camera
         groups, tile = self.audit
+        table = rows.table(
+            (camera.height, camera.width),
+            scene.albedo_at(rows.triangle, rows.barycentric),
+            scene.material[rows.triangle].astype(np.uint16),
+        )
         self.writer.finish(
-            columns=str(self.columns),
-            rows=self.count,
-            quantum=_QUANTUM,
-            width=self.settings.width,
-            tile_rows=TILE_ROWS,
-            image=(camera.height, camera.width),
+            parts=self.parts,
+            receivers=table,
             camera=json.dumps(asdict(camera)),
-            plan=done.to_json(),
+            plan=plan.done(self.notes).to_json(),
             scene=scene.content_hash(),
-            pixel=rows.pixel,
-            weight=rows.weight,
-            albedo=scene.albedo_at(rows.triangle, rows.barycentric),
-            position=rows.position,
-            normal=rows.normal,
-            background=rows.background,
-            material=scene.material[rows.triangle].astype(np.uint16),
             audit=(groups, tile) if len(groups) else None,
         )
+
+
+_PASSES: dict[str, Callable[[_Run, Part], None]] = {DIRECT: _Run.direct}
+"""By what a part's ``make`` says."""

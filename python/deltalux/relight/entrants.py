@@ -23,6 +23,7 @@ __all__ = [
     "Entrant",
     "bi",
     "nwa",
+    "own",
     "pbi",
 ]
 
@@ -69,3 +70,9 @@ EXACT = Entrant("exact", "exact", Full())
 NWA_30, NWA_60, NWA_100, NWA_300, NWA_500 = (nwa(terms) for terms in (30, 60, 100, 300, 500))
 BI_30 = bi(30)
 PBI_30, PBI_100 = pbi(30), pbi(100)
+
+
+def own(method: Method) -> Entrant:
+    """A method of one's own, under the name of its class."""
+    budget = method.terms if method.terms is not None else ""
+    return Entrant(f"{type(method).__name__}-{budget}".rstrip("-"), "own", method)

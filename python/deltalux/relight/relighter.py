@@ -9,11 +9,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._core import Updater
+from .._core import Settings, Updater
 from ..light.environment import Environment
 from ..transport.transport import Transport
-from ..update.methods import Method
-from ..update.settings import settings
+from ..update.choice import State
+from ..update.methods import Incremental, Method
+from ..update.settings import asked, settings, weights_of
 
 __all__ = ["Frame", "Relighter"]
 
@@ -70,13 +71,19 @@ class Relighter:
     transport
         M; shared, never changed.
     method
-        How coefficients are chosen: `PerBand(terms=30)`, `Nonlinear`, `Incremental`, `Full`. Under a budget in
+        How coefficients are chosen: `PerBand(terms=30)`, `Nonlinear`, `Incremental`, `Full`, or a `Method` of
+        one's own. Under a budget in
         ``milliseconds`` a frame sends what lets it end in time, resets included, as far as the frames before tell;
         where not even its fixed part (light, choosing, writing the picture) fits, it sends the first column only. The
         first frame under ``initial="full"`` takes as long as the whole product takes.
     initial
         What the first frame applies: "full", the whole light; "nonlinear", its largest terms within the method's
-        budget; None, the method's own first choice from black.
+        budget, whatever the method; None, the method's own first choice from black.
+    second
+        How the second stage of a transport of two is followed; by default the largest changes of a quarter of its
+        columns.
+    mix
+        (rows, factors): by which weights the responses of several factors are added; see `Relighter.mix`.
 
     Raises
     ------
@@ -84,27 +91,39 @@ class Relighter:
         If an argument cannot be used.
     """
 
-    def __init__(self, transport: Transport, method: Method, initial: str | None = "full") -> None:
+    def __init__(
+        self,
+        transport: Transport,
+        method: Method,
+        initial: str | None = "full",
+        *,
+        second: Method | None = None,
+        mix: ArrayLike | None = None,
+    ) -> None:
         if initial not in ("full", "nonlinear", None):
             raise ValueError(f'expected initial="full", "nonlinear" or None, got {initial!r}')
+        if not isinstance(method, Method):
+            raise ValueError(f"expected an update method such as PerBand(terms=30), got {method!r}")
         self.transport = transport
         self.method = method
-        core = transport._core
-        kept = core.kept()
-        weight = getattr(method, "weight", "area")
-        milliseconds = getattr(method, "milliseconds", None)
-        timed = milliseconds is not None
-        self._seconds = None if milliseconds is None else _ON_TIME * milliseconds / 1000
+        core, weights = transport._core, None if mix is None else transport.mixed(mix)
+        timed = method.milliseconds is not None
+        self._seconds = None if method.milliseconds is None else _ON_TIME * method.milliseconds / 1000
+        norms = transport.column_norms if method.weight in ("transport", "cost") else None
+        costs = transport.column_costs if method.weight == "cost" or timed else None
+        areas = transport.columns.areas
         chosen = settings(
             method,
-            transport.columns.areas,
-            transport.column_norms if weight in ("transport", "cost") else None,
-            transport.column_costs if weight == "cost" or timed else None,
-            kept.max(axis=0) if getattr(method, "error", None) is not None else None,
-            # The core sets it anew in every frame.
-            milliseconds_cost=0.0 if timed else None,
+            areas,
+            column_norms=norms,
+            column_costs=costs,
+            band_norms=core.error_factors(weights) if method.error is not None else None,
+            timed=timed,
         )
-        self._core = Updater(core, chosen, initial == "full")
+        self._core = Updater(core, chosen, _second(transport, second), initial=initial)
+        self._weights = weights_of(method, areas, norms, costs) if method.is_own else None
+        if weights is not None:
+            self._core.set_mix(weights)
 
     def step(self, light: Environment | ArrayLike) -> Frame:
         """One frame towards a light.
@@ -127,9 +146,10 @@ class Relighter:
             V = np.ascontiguousarray(light, np.float64)
         if V.shape != (self.transport.shape[1], 3):
             raise ValueError(f"expected a light of shape ({self.transport.shape[1]}, 3), got {V.shape}")
+        given = None if self._weights is None else self._ask(V, self._weights)
         projected = time.perf_counter() - started
         left = None if self._seconds is None else self._seconds - projected
-        values, (columns, _, resets), bound, converged, choosing, multiplying = self._core.step(V, left)
+        values, (columns, _, resets), bound, converged, choosing, multiplying = self._core.step(V, left, given)
         seconds = time.perf_counter() - started
         return Frame(
             values=values,
@@ -144,6 +164,38 @@ class Relighter:
             _env=env,
         )
 
+    def _ask(self, V: NDArray[np.float64], weights: NDArray[np.float64]) -> tuple[list[int], NDArray[np.uint32]] | None:
+        """What a method of one's own says of a frame; None where it is settled what the first frame takes."""
+        prepared = self._core.prepare(V)
+        if prepared is None:
+            return None
+        columns = self.transport.columns
+        return asked(self.method, State(*prepared, columns.bands, columns.areas, weights))
+
+    def mix(self, weights: ArrayLike) -> NDArray[np.float32]:
+        """Mixes the factors' responses anew: another view of a glossy scene, another BRDF of a family.
+
+        Nothing of the light is sent for it, and the result is exact: it is what `Transport.multiply` of `values` gives
+        with this mix.
+
+        Parameters
+        ----------
+        weights
+            (rows, factors): from now on the responses are added by these.
+
+        Returns
+        -------
+        (rows, 3) float32
+            B under the light as applied so far.
+
+        Raises
+        ------
+        ValueError
+            If the shape is wrong or a weight is not finite.
+        """
+        self._core.set_mix(self.transport.mixed(weights))
+        return self._core.write()
+
     def bounds(self, frame: Frame) -> NDArray[np.float32]:
         """The bound of every receiver, (rows, 3) float32, for the frame of the last step."""
         return self._core.bounds(frame.values)
@@ -157,3 +209,19 @@ class Relighter:
     def nbytes(self) -> int:
         """Bytes beyond M that this relighter holds."""
         return self._core.nbytes
+
+
+def _second(transport: Transport, method: Method | None) -> Settings | None:
+    """How the second stage is followed: by the changes that matter most to its rows."""
+    columns = transport.second_columns
+    if columns is None:
+        if method is not None:
+            raise ValueError("expected second= with a transport of two stages only, but this one has one")
+        return None
+    if method is None:
+        method = Incremental(terms=-(-columns.columns // 4), weight="transport")
+    if method.milliseconds is not None or method.error is not None or method.is_own:
+        raise ValueError(
+            f"expected a budget in terms, and a method of the package, for the second stage, got {method!r}"
+        )
+    return settings(method, columns.areas, column_norms=transport._core.second_column_norms())

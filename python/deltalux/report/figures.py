@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ..columns import Columns
+from ..columns.inner import AnyColumns
 from ..light.motion import Motion
-from ..pages.plotting import FAMILIES, MARKERS, across, draw_resets, drawing, mark_stop, percent
+from ..pages.plotting import FAMILIES, MARKERS, across, colour_of, draw_resets, drawing, mark_stop, percent
 from ..relight.entrants import BI_30, EXACT, NWA_30, NWA_100, NWA_500, PBI_30, PBI_100, Entrant
-from .replay import Replay
+from ..relight.replay import Replay
 from .size_curve import Point
 
 __all__ = ["bytes_figure", "frames_figure", "resets_figure", "terms_figure", "time_figure"]
@@ -34,12 +34,13 @@ def frames_figure(path: Path, result: Replay, motion: Motion) -> None:
     )
     with drawing(path, 2, 1, (8.6, 7.4), sharex=True) as (figure, both):
         for axes, (what, title) in zip(both, measures, strict=True):
-            for name, (style, width) in _LINES.items():
+            others = {name: ("-", 1.8) for name in result.records if colour_of(name) == FAMILIES["own"]}
+            for name, (style, width) in {**_LINES, **others}.items():
                 if name not in result.records:
                     continue
                 error = 100 * result.column(name, what)
                 error[error <= 0] = np.nan
-                axes.plot(error, style, linewidth=width, color=FAMILIES[name.split("-")[0]], label=name)
+                axes.plot(error, style, linewidth=width, color=colour_of(name), label=name)
             axes.set_yscale("log")
             axes.set_ylabel(title)
             percent(axes.yaxis)
@@ -95,7 +96,7 @@ def time_figure(path: Path, result: Replay, motion: Motion, rows: Sequence[Entra
         figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
 
 
-def resets_figure(path: Path, result: Replay, motion: Motion, columns: Columns, method: str) -> None:
+def resets_figure(path: Path, result: Replay, motion: Motion, columns: AnyColumns, method: str) -> None:
     """Resets of every band over the rotation (the papers' Fig. 6.4)."""
     records = result.records[method]
     held = np.array([[band in record.resets for band in range(len(columns.band_names))] for record in records])
@@ -109,14 +110,14 @@ def resets_figure(path: Path, result: Replay, motion: Motion, columns: Columns, 
         )
 
 
-def terms_figure(path: Path, result: Replay, columns: Columns, methods: Sequence[str]) -> None:
+def terms_figure(path: Path, result: Replay, columns: AnyColumns, methods: Sequence[str]) -> None:
     """Which bands the terms of a rotating frame go to."""
     names = columns.band_names
     with drawing(path, 1, 1, (8.6, 3.2)) as (figure, axes):
         width = 0.8 / len(methods)
         for k, name in enumerate(methods):
             at = np.arange(len(names)) + (k - (len(methods) - 1) / 2) * width
-            bars = axes.bar(at, result.terms[name], width * 0.92, color=FAMILIES[name.split("-")[0]], label=name)
+            bars = axes.bar(at, result.terms[name], width * 0.92, color=colour_of(name), label=name)
             axes.bar_label(bars, fmt="%.1f", fontsize=8, padding=1)
         axes.set_xticks(range(len(names)), names)
         axes.set(xlabel=f"{columns.band_label}, coarse to fine", ylabel="Terms a frame")

@@ -17,11 +17,12 @@ from ..light.motion import Motion, ease
 from ..output import check_folder, claim, slug
 from ..pages.machine import require_release
 from ..progress import Progress, reporter
-from ..relight.entrants import BI_30, EXACT, NWA_30, NWA_100, PBI_30, Entrant, nwa, pbi
+from ..relight.entrants import BI_30, EXACT, NWA_30, NWA_100, PBI_30, Entrant, nwa, own, pbi
 from ..relight.relighter import Relighter
+from ..relight.replay import Replay, hold_still, replay, time_frames
 from ..transport.transport import Transport
+from ..update.methods import Method
 from .gallery import Gallery
-from .replay import Replay, hold_still, replay, time_frames
 from .size_curve import size_curve
 from .writer import write
 
@@ -95,6 +96,7 @@ def report(
     frames: int = 100,
     hold: int = 25,
     axis: str | ArrayLike = "y",
+    methods: Sequence[Method] = (),
     progress: bool | Progress = True,
 ) -> Path:
     """Replays a rotating light with every method of `METHODS` and writes what was measured.
@@ -109,6 +111,8 @@ def report(
         Made if it is not there. Files in it that are not ours are never overwritten.
     rotate, frames, hold, axis
         The motion: degrees, turned with `ease` in this many frames, and frames of standing still.
+    methods
+        Methods of one's own, which take part beside those of the table.
     progress
         True: bars on standard error. A callable: progress(done, total), for each part of the work anew.
 
@@ -127,11 +131,12 @@ def report(
     """
     envs, motion = _environments(env), Motion(rotate, frames, hold, axis)
     check_report(envs, folder, motion)
+    rows = (*METHODS, *(own(method) for method in methods))
     path = claim(folder, _file_names(envs, motion))
     chapters = []
     for k, light in enumerate(envs):
         prefix = slug(light.name, k)
-        result, gallery = _measure(transport, light, motion, progress)
+        result, gallery = _measure(transport, light, motion, rows, progress)
         errors = {(name, frame): result.records[name][frame].image_l2 for name in STRIP for frame, _ in motion.moments}
         step = reporter(progress, f"{light.name}: pictures")
         step(0, 3)
@@ -142,23 +147,19 @@ def report(
         gallery.save_animation(path / f"{prefix}-animation.webp")
         step(3, 3)
         chapters.append((prefix, result, gallery.exposure or 0.0, _frame_names(prefix, motion)))
-    write(path, transport, motion, METHODS, chapters, size_curve(transport, envs, motion))
+    write(path, transport, motion, rows, chapters, size_curve(transport, envs, motion))
     return path / "index.html"
 
 
 def _measure(
-    transport: Transport, env: Environment, motion: Motion, progress: bool | Progress
+    transport: Transport, env: Environment, motion: Motion, rows: Sequence[Entrant], progress: bool | Progress
 ) -> tuple[Replay, Gallery]:
     """Errors and pictures first; then run times, with nothing beside them, on one thread and on two."""
     gallery = Gallery(transport, motion, STRIP, MOVING)
-    result = replay(
-        transport, env, motion, METHODS, show=gallery.show, progress=reporter(progress, f"{env.name}: errors")
-    )
+    result = replay(transport, env, motion, rows, show=gallery.show, progress=reporter(progress, f"{env.name}: errors"))
     followers: dict[str, Relighter] = {}
     for threads in THREADS:
         tell = reporter(progress, f"{env.name}: times, {threads} thread{'s' * (threads > 1)}")
-        result.seconds[threads], followers = time_frames(
-            transport, env, motion, METHODS, threads=threads, progress=tell
-        )
+        result.seconds[threads], followers = time_frames(transport, env, motion, rows, threads=threads, progress=tell)
     result.still = hold_still(transport, env, motion, PBI_30, followers[PBI_30.name], result.records[PBI_30.name])
     return result, gallery

@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..columns.inner import Inner
 from ..light.environment import Environment
 from ..light.motion import Motion
-from ..transport.entry import ENTRY_BYTES
+from ..transport.entry import entry_bytes
 from ..transport.transport import Transport
 
 __all__ = ["Point", "size_curve"]
@@ -49,7 +50,7 @@ def size_curve(transport: Transport, envs: Sequence[Environment], motion: Motion
     rows, audit = found
     # Groups at the end of M may be shorter than 16: rows past the end stay out of the comparison.
     real = rows < transport.shape[0]
-    weight = np.sqrt(transport.weight[rows[real], None]) * transport.albedo[rows[real]]
+    weight = np.sqrt(transport.pixels.weight[rows[real], None]) * transport.albedo[rows[real]]
     lights = {env.name: _turning(transport, env, motion) for env in envs}
     suns = _suns(transport)
 
@@ -61,13 +62,13 @@ def size_curve(transport: Transport, envs: Sequence[Environment], motion: Motion
         return of, float(np.mean(sun)), float(np.max(sun))
 
     # Entries grow with the rows; what lists them and the norms of the rows are as large for every truncation.
-    share, own_entry = transport.shape[0] / len(rows), ENTRY_BYTES[transport.width]
+    share, own_entry = transport.shape[0] / len(rows), entry_bytes(transport.width, 1)
     fixed = transport.nbytes - own_entry * transport.entries
     points: list[Point] = []
     cuts = [(f"{100 * t:g} %", t, "i8") for t in _TOLERANCES]
     for label, tolerance, width in [*cuts, ("lossless", 0.0, "i16")]:
         cut = audit.coarsened(tolerance, width)
-        megabytes = (fixed + ENTRY_BYTES[width] * cut.entries * share) / 1e6
+        megabytes = (fixed + entry_bytes(width, 1) * cut.entries * share) / 1e6
         # Eight bits reach no smaller error than their rounding: what is asked for beyond changes nothing.
         if not points or megabytes != points[-1].megabytes:
             points.append(Point(label, tolerance, megabytes, True, *errors(partial(_some_rows, cut, real))))
@@ -88,7 +89,8 @@ def _turning(transport: Transport, env: Environment, motion: Motion) -> NDArray[
 
 def _suns(transport: Transport) -> NDArray[np.float64]:
     """V of single bright texels of the upper half of the sky, (k, columns, 3)."""
-    n = transport.columns.face
+    columns = transport.columns
+    n = 1 if isinstance(columns, Inner) else columns.face
     random = np.random.default_rng(1)
     maps = np.zeros((_SUNS, 6, n, n, 3), np.float32)
     for cubemap in maps:

@@ -9,7 +9,7 @@ import numpy as np
 from ..light.motion import Motion
 from ..pages.verdict import Verdict
 from ..relight.entrants import BI_30, EXACT, NWA_30, NWA_60, NWA_100, NWA_500, PBI_30
-from .replay import Replay
+from ..relight.replay import Replay
 
 __all__ = ["Verdict", "verdicts"]
 

@@ -15,9 +15,9 @@ from ..output import write_csv
 from ..pages.machine import machine
 from ..pages.page import Page, figure, table
 from ..relight.entrants import BI_30, NWA_30, PBI_30, Entrant
+from ..relight.replay import Replay
 from ..transport.transport import Transport
 from .figures import bytes_figure, frames_figure, resets_figure, terms_figure, time_figure
-from .replay import Replay
 from .size_curve import Point
 from .verdicts import resets, verdicts
 
@@ -254,7 +254,7 @@ def _size(
     pixels = transport.camera.width * transport.camera.height
     formula = bands * pixels * 12 + columns * 12
     page.text(
-        f"M takes {transport.nbytes:,} bytes, its receivers {transport.receiver_nbytes:,}. A PBI follower holds "
+        f"M takes {transport.nbytes:,} bytes, its receivers {transport.receivers.nbytes:,}. A PBI follower holds "
         f"{state:,} bytes beyond M. The papers' recipe, one float image for every band and a copy of the light, takes "
         f"{formula:,} bytes for this picture ({_PAPER_BYTES:,} at 512 x 512 with six bands)."
     )

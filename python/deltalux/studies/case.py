@@ -30,6 +30,8 @@ class Case:
     motion: Motion
     columns: Haar
     transport: Transport | None = None
+    own: tuple[Entrant, ...] = ()
+    """Methods of one's own that take part."""
 
     @property
     def name(self) -> str:

@@ -11,7 +11,9 @@ from ..light.environment import Environment
 from ..light.motion import Motion
 from ..output import check_folder, claim, slug
 from ..progress import Progress, reporter
+from ..relight.entrants import own
 from ..transport.transport import Transport
+from ..update.methods import Method
 from .case import Case
 from .catalogue import STUDIES
 from .shape import Study
@@ -30,6 +32,7 @@ def check_study(
     *,
     motion: Motion | None = None,
     columns: Haar | None = None,
+    methods: Sequence[Method] = (),
 ) -> list[tuple[str, Case]]:
     """What `study` would refuse, found at once and with nothing written; the chapters otherwise.
 
@@ -52,8 +55,12 @@ def check_study(
         raise ValueError(f"expected light, but {dark[0]} is black: errors are relative to it")
     if STUDIES[name].needs_scene and not transports:
         raise ValueError(f"the study {name!r} looks at pictures: expected a scene")
-    cases = [Case(light, motion, _haar(found), found) for found in transports for light in envs]
-    cases = cases or [Case(light, motion, columns or Haar(64)) for light in envs]
+    if methods and not STUDIES[name].takes_methods:
+        taking = ", ".join(name for name, study in STUDIES.items() if study.takes_methods)
+        raise ValueError(f"methods of one's own take part in the studies {taking}, not in {name!r}")
+    others = tuple(own(method) for method in methods)
+    cases = [Case(light, motion, _haar(found), found, others) for found in transports for light in envs]
+    cases = cases or [Case(light, motion, columns or Haar(64), own=others) for light in envs]
     chapters = [(slug(case.name, k), case) for k, case in enumerate(cases)]
     check_folder(folder, _names(STUDIES[name], chapters))
     return chapters
@@ -79,6 +86,7 @@ def study(
     *,
     motion: Motion | None = None,
     columns: Haar | None = None,
+    methods: Sequence[Method] = (),
     progress: bool | Progress = True,
 ) -> Path:
     """Runs one study of `STUDIES` and writes what it finds.
@@ -97,6 +105,8 @@ def study(
         The rotation; by default 45 degrees in 100 frames, then 25 still.
     columns
         What light is measured in where there is no transport; by default `Haar(64)`, the papers' 24,576 wavelets.
+    methods
+        Methods of one's own that take part, in studies that compare methods.
     progress
         True: bars on standard error. A callable: progress(done, total), for each chapter anew.
 
@@ -112,7 +122,7 @@ def study(
     OSError
         If the folder cannot be written or holds files of others under our names.
     """
-    chapters = check_study(name, folder, env, transport, motion=motion, columns=columns)
+    chapters = check_study(name, folder, env, transport, motion=motion, columns=columns, methods=methods)
     chosen = STUDIES[name]
     names = _names(chosen, chapters)
     sheet = Sheet(claim(folder, names), chosen.title, chosen.intro, names)

@@ -22,6 +22,8 @@ class Study:
     light_files: tuple[str, ...] = ()
     scene_files: tuple[str, ...] = ()
     needs_scene: bool = False
+    takes_methods: bool = False
+    """Whether methods of one's own can take part."""
 
     def files(self, case: Case) -> tuple[str, ...]:
         """Names of the files of one chapter, without the chapter's own."""

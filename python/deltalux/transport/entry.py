@@ -1,15 +1,10 @@
-"""What an entry of M takes, and how rows lie together (FORMAT.md).
-
-These numbers belong to the Rust core; here is the one Python copy of them.
-"""
+"""What an entry of M takes, and how rows lie together (FORMAT.md). The core's numbers, where the core has them."""
 
 from __future__ import annotations
 
-__all__ = ["ENTRY_BYTES", "GROUP", "TILE_ROWS"]
+from .._core import GROUP, TILES_PER_SHARD, entry_bytes
 
-GROUP = 16
-"""Neighbouring rows that an entry holds."""
-ENTRY_BYTES = {"i8": 2 + GROUP, "i16": 2 + 2 * GROUP}
-"""By the width of the integers: the group's number, and its values."""
+__all__ = ["GROUP", "TILES_PER_SHARD", "TILE_ROWS", "entry_bytes"]
+
 TILE_ROWS = 8192
 """Rows of a tile, as `precompute` makes them."""

@@ -1,4 +1,4 @@
-"""The plan as a record: what was, or will be, computed, what is left out and why, and what it costs.
+"""The plan as a record: the parts that are, or will be, computed, and what is left out and why.
 
 It lies with the transport, which keeps it, and not with its maker: a file opens without a reader of meshes.
 """
@@ -6,23 +6,109 @@ It lies with the transport, which keeps it, and not with its maker: a file opens
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass, field
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+__all__ = ["Cost", "LeftOut", "Part", "Plan"]
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What a part will cost, as a probe on the scene itself tells. A file does not keep it: machines differ.
+
+    Attributes
+    ----------
+    rays
+        Rays of the pass.
+    bytes_on_disk, bytes_in_memory
+        The finished part, and the peak of the run.
+    seconds, least_seconds, most_seconds
+        From the first ray of the pass to the finished file, and the range that most runs end in.
+    threads
+        That it was measured with.
+    """
+
+    rays: float
+    bytes_on_disk: float
+    bytes_in_memory: float
+    seconds: float
+    least_seconds: float
+    most_seconds: float
+    threads: int
+
+
+@dataclass(frozen=True)
+class Part:
+    """One matrix of the product, and the pass that makes it: `precompute` runs part after part.
+
+    Attributes
+    ----------
+    name
+        What its files are called by.
+    make
+        The pass: "direct".
+    rows, columns, column_count, bands
+        Its shape, and what its columns are.
+    channels
+        Numbers for each row and column: 1, or 3 where colours have their own.
+    factors
+        Matrices that share its V.
+    bounces
+        Of light between surfaces.
+    why
+        What in the scene and the request calls for it.
+    cost
+        What it will cost; None once it is done.
+    """
+
+    name: str
+    make: str
+    rows: int
+    columns: str
+    column_count: int
+    bands: int
+    channels: int
+    factors: int
+    bounces: int
+    why: str
+    cost: Cost | None = None
+
+    def __str__(self) -> str:
+        channels = "1 channel" if self.channels == 1 else f"{self.channels} channels"
+        return (
+            f"{self.name}: {self.rows:,} receivers x {self.column_count:,} columns ({self.columns}), "
+            f"{self.bands} bands, {channels}, bounces: {self.bounces}, factors: {self.factors}; {self.why}"
+        )
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """Something that this scene does not need, and what in it says so."""
+
+    what: str
+    why: str
+
+    def __str__(self) -> str:
+        return f"{self.what}: {self.why}"
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What will be computed, and what will not.
+    """What will be computed, and what will not. It is the programme: `precompute` runs its parts.
 
     Attributes
     ----------
-    rows, columns, bands, channels, bounces, factors
-        The shape of M. Before the receivers are found, `rows` is the most that the picture can need.
-    rays
-        Estimated rays of the pass.
-    bytes_on_disk, bytes_in_memory
-        Estimates: the finished transport, and the peak of the run.
-    seconds
-        Estimated time, with `threads` threads.
+    scene
+        Its name.
+    triangles
+        How many it has.
+    picture
+        (width, height) of the camera.
+    quality, tolerance
+        The preset, and the relative L2 error of the image that truncation may cause.
+    parts
+        What is computed, in this order.
     left_out
         What this scene does not need, each with its reason.
     notes
@@ -32,43 +118,159 @@ class Plan:
     scene: str
     triangles: int
     picture: tuple[int, int]
-    rows: int
-    columns: str
-    column_count: int
-    bands: int
-    channels: int
-    bounces: int
-    factors: int
     quality: str
     tolerance: float
-    rays: float
-    bytes_on_disk: float
-    bytes_in_memory: float
-    seconds: float
-    threads: int
-    left_out: list[str] = field(default_factory=list)
+    parts: list[Part] = field(default_factory=list)
+    left_out: list[LeftOut] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+
+    @property
+    def rows(self) -> int:
+        """Receivers: the rows of the part that is computed last."""
+        return self.parts[-1].rows
+
+    @property
+    def costs(self) -> list[Cost]:
+        """What the parts will cost, as far as that is still to come."""
+        return [part.cost for part in self.parts if part.cost is not None]
+
+    @property
+    def rays(self) -> float:
+        """Rays of all parts; 0 once they are shot."""
+        return sum(cost.rays for cost in self.costs)
+
+    @property
+    def bytes_on_disk(self) -> float:
+        """Bytes of the finished transport."""
+        return sum(cost.bytes_on_disk for cost in self.costs)
+
+    @property
+    def bytes_in_memory(self) -> float:
+        """The peak of the run."""
+        return max((cost.bytes_in_memory for cost in self.costs), default=0.0)
+
+    @property
+    def seconds(self) -> float:
+        """From the first ray to the finished file."""
+        return sum(cost.seconds for cost in self.costs)
 
     def __str__(self) -> str:
         width, height = self.picture
-        lines = [
-            f"{self.scene}: {self.triangles:,} triangles, {width} x {height} pixels",
-            f"  compute   M of up to {self.rows:,} receivers x {self.column_count:,} columns ({self.columns}), "
-            f"{self.bands} bands, {self.channels} channel, bounces: {self.bounces}, factors: {self.factors}",
-            f"  quality   {self.quality}: truncated to {100 * self.tolerance:g} % expected image error",
-            f"  cost      about {self.rays / 1e6:,.0f} million rays, {self.seconds:,.0f} s on {self.threads} threads, "
-            f"{self.bytes_on_disk / 1e6:,.0f} MB on disk, {self.bytes_in_memory / 1e6:,.0f} MB in memory",
-        ]
+        lines = [f"{self.scene}: {self.triangles:,} triangles, {width} x {height} pixels"]
+        lines += [f"  compute   {part}" for part in self.parts]
+        lines += [f"  quality   {self.quality}: truncated to {100 * self.tolerance:g} % expected image error"]
+        if self.costs:
+            lines.append(f"  cost      {self._cost()}")
         lines += [f"  left out  {reason}" for reason in self.left_out]
         lines += [f"  note      {note}" for note in self.notes]
         return "\n".join(lines)
 
+    def _cost(self) -> str:
+        least, most = (sum(getattr(cost, name) for cost in self.costs) for name in ("least_seconds", "most_seconds"))
+        return (
+            f"about {self.rays / 1e6:,.0f} million rays, {_duration(least)} to {_duration(most)} on "
+            f"{self.costs[0].threads} threads, {_megabytes(self.bytes_on_disk)} MB on disk, "
+            f"{_megabytes(self.bytes_in_memory)} MB in memory"
+        )
+
+    def done(self, notes: list[str]) -> Plan:
+        """The plan as it was carried out, without what depends on the machine.
+
+        Parameters
+        ----------
+        notes
+            What was found while it ran.
+
+        Returns
+        -------
+        Plan
+        """
+        parts = [replace(part, cost=None) for part in self.parts]
+        return replace(self, parts=parts, notes=[*self.notes, *notes])
+
     def to_json(self) -> str:
+        """The plan as text, which `from_json` reads.
+
+        Returns
+        -------
+        str
+            A JSON object.
+        """
         return json.dumps(asdict(self), sort_keys=True)
 
     @staticmethod
     def from_json(text: str) -> Plan:
-        known = {name for name in Plan.__dataclass_fields__}
-        fields = {name: value for name, value in json.loads(text).items() if name in known}
-        fields["picture"] = tuple(fields["picture"])
-        return Plan(**fields)
+        """The plan of a file, of whatever version.
+
+        Parameters
+        ----------
+        text
+            What `to_json` wrote, today or in version 0.1.
+
+        Returns
+        -------
+        Plan
+
+        Raises
+        ------
+        ValueError
+            If the text is no plan.
+        """
+        try:
+            found = json.loads(text)
+            return _read(found if "parts" in found else _from_version1(found))
+        except (KeyError, TypeError, AttributeError, RecursionError) as error:
+            raise ValueError(f"expected a plan, but {type(error).__name__}: {error}") from None
+
+
+_COUNT = (int, lambda value: 0 <= value < 1 << 63, "a count")
+_TEXT = (str, lambda value: True, "a text")
+_SHAPES: dict[type[Any], dict[str, Any]] = {
+    Part: dict.fromkeys(("name", "make", "columns", "why"), _TEXT)
+    | dict.fromkeys(("rows", "column_count", "bands", "channels", "factors", "bounces"), _COUNT),
+    LeftOut: dict.fromkeys(("what", "why"), _TEXT),
+    Plan: dict.fromkeys(("scene", "quality"), _TEXT)
+    | {"triangles": _COUNT, "tolerance": ((int, float), lambda value: 0 <= value < 1, "a share")},
+}
+
+
+def _read(found: Mapping[str, Any]) -> Plan:
+    """A file may come from anywhere: what the rest relies on is looked at, keys that are unknown are left alone."""
+    width, height = (_checked("picture", size, _COUNT) for size in found["picture"])
+    parts = [Part(**_known(Part, part)) for part in found["parts"]]
+    if not parts:
+        raise ValueError("expected a plan of at least one part, found none")
+    left_out = [LeftOut(**_known(LeftOut, reason)) for reason in found["left_out"]]
+    notes = [_checked("notes", note, _TEXT) for note in found["notes"]]
+    return Plan(**_known(Plan, found), picture=(width, height), parts=parts, left_out=left_out, notes=notes)
+
+
+def _known(kind: type[Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: _checked(name, values[name], shape) for name, shape in _SHAPES[kind].items()}
+
+
+def _checked(name: str, value: Any, shape: tuple[Any, Any, str]) -> Any:
+    kind, holds, expected = shape
+    if isinstance(value, bool) or not isinstance(value, kind) or not holds(value):
+        raise ValueError(f"expected {expected} as the plan's {name}, found {value!r:.80}")
+    return value
+
+
+def _from_version1(found: Mapping[str, Any]) -> dict[str, Any]:
+    """Plans of version 0.1 tell of one part, in keys of their own."""
+    shape = ("rows", "columns", "column_count", "bands", "channels", "factors", "bounces")
+    part = {name: found[name] for name in shape}
+    part |= {"name": "direct", "make": "direct", "why": "light that arrives directly"}
+    left_out = [dict(zip(("what", "why"), reason.partition(": ")[::2], strict=True)) for reason in found["left_out"]]
+    return {**found, "parts": [part], "left_out": left_out}
+
+
+def _duration(seconds: float) -> str:
+    """Two digits, in seconds or minutes."""
+    if seconds < 10:
+        return f"{seconds:.1f} s"
+    return f"{seconds:.0f} s" if seconds < 600 else f"{seconds / 60:.0f} min"
+
+
+def _megabytes(count: float) -> str:
+    return f"{count / 1e6:,.1f}" if count < 10e6 else f"{count / 1e6:,.0f}"

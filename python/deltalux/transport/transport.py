@@ -10,11 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .._core import FileError
 from .._core import Transport as CoreTransport
 from ..camera import Camera
-from ..columns import Columns, parse
-from .entry import ENTRY_BYTES, GROUP
+from ..columns.inner import AnyColumns, parse_any
+from .entry import GROUP
 from .plan import Plan
+from .receivers import Pixels, Receivers, of_table
 
 if TYPE_CHECKING:
     import scipy.sparse
@@ -24,6 +26,8 @@ if TYPE_CHECKING:
 
 __all__ = ["Transport"]
 
+# What the core calls the file that names all others.
+_MANIFEST = "manifest.json"
 # In bytes that are read in the same time: choosing a column, and finding it in a tile.
 _CHOOSING, _FINDING = 64.0, 300.0
 
@@ -57,8 +61,19 @@ class Transport:
 
     @property
     def channels(self) -> int:
-        """1: the albedo stays outside M."""
-        return 1
+        """1 where one number serves all colours, as the albedo stays outside M; 3 where each colour has its own."""
+        return self._core.channels
+
+    @property
+    def factors(self) -> int:
+        """How many responses are mixed for every receiver; 1 where there is nothing to mix."""
+        return self._core.factors
+
+    @property
+    def version(self) -> tuple[int, int]:
+        """(major, minor) of the format that the file is written in."""
+        major, minor = self._core.version
+        return major, minor
 
     @property
     def nbytes(self) -> int:
@@ -76,41 +91,66 @@ class Transport:
         return self._core.entries
 
     @property
-    def receiver_nbytes(self) -> int:
-        """Bytes of the receivers, which turn rows into pictures."""
-        return self._core.receiver_nbytes
-
-    @property
     def files(self) -> list[tuple[str, int]]:
         """Names of the files in the directory, and their bytes."""
         return self._core.files
 
     @cached_property
-    def columns(self) -> Columns:
+    def columns(self) -> AnyColumns:
         """The basis that V is measured in."""
-        return parse(self._core.columns)
+        return parse_any(self._core.columns)
+
+    @cached_property
+    def second_columns(self) -> AnyColumns | None:
+        """What the second stage's V is measured in; None where there is one stage."""
+        text = self._core.second_columns
+        return None if text is None else parse_any(text)
 
     @cached_property
     def plan(self) -> Plan:
-        """What was computed, what was left out, and why."""
-        return Plan.from_json(self._core.plan)
+        """What was computed, what was left out, and why; FileError where the file's plan is none."""
+        try:
+            return Plan.from_json(self._core.plan)
+        except ValueError as error:
+            raise FileError(f"{_MANIFEST}: {error}") from None
+
+    @cached_property
+    def receivers(self) -> Receivers:
+        """What the rows are: `Pixels`, `Vertices` or `GatherSamples`."""
+        return of_table(self._core.receivers)
 
     @cached_property
     def camera(self) -> Camera:
-        """The camera whose pixels the rows are."""
-        return Camera(**json.loads(self._core.camera))
+        """The camera whose pixels the rows are; ValueError where they are not, FileError where the file names none."""
+        text = self._core.camera if self.pixels else None
+        if text is None:
+            raise ValueError("expected a transport with a camera, but its file names none")
+        try:
+            return Camera(**json.loads(text))
+        except (ValueError, TypeError, ArithmeticError, RecursionError) as error:
+            raise FileError(f"{_MANIFEST}: expected a camera: {error}") from None
+
+    @property
+    def pixels(self) -> Pixels:
+        """The rows as pixels, which a picture needs; ValueError where they are something else."""
+        if not isinstance(self.receivers, Pixels):
+            raise ValueError(f"expected a transport of pixels for a picture, but its rows are {self.receivers.kind}")
+        return self.receivers
 
     def coefficients(self, env: Environment) -> NDArray[np.float64]:
         """V: an environment in the columns of M, (columns, 3) float64."""
         return self.columns.coefficients(env)
 
-    def multiply(self, V: ArrayLike) -> NDArray[np.float32]:
+    def multiply(self, V: ArrayLike, *, mix: ArrayLike | None = None) -> NDArray[np.float32]:
         """B = M V, the exact product in one go.
 
         Parameters
         ----------
         V
             (columns, 3), or (k, columns, 3) for k lights in one pass over M.
+        mix
+            (rows, factors): by which weights the factors' responses are added for each receiver; needed where there
+            are several, and only there.
 
         Returns
         -------
@@ -127,18 +167,52 @@ class Transport:
         batch = array[None] if single else array
         if batch.ndim != 3 or batch.shape[1:] != (self.shape[1], 3):
             raise ValueError(f"expected V of shape ({self.shape[1]}, 3) or (k, {self.shape[1]}, 3), got {np.shape(V)}")
-        product = self._core.multiply(batch)
+        product = self._core.multiply(batch, None if mix is None else self.mixed(mix))
         return product[0] if single else product
 
+    def mixed(self, mix: ArrayLike) -> NDArray[np.float32]:
+        """Weights of a mix as the core takes them.
+
+        Parameters
+        ----------
+        mix
+            (rows, factors), real and finite.
+
+        Returns
+        -------
+        (rows, factors) float32
+
+        Raises
+        ------
+        ValueError
+            If the shape is another.
+        """
+        weights = np.ascontiguousarray(mix, np.float32)
+        if weights.shape != (self.shape[0], self.factors):
+            raise ValueError(f"expected a mix of shape ({self.shape[0]}, {self.factors}), got {weights.shape}")
+        return weights
+
     def row(self, i: int) -> NDArray[np.float32]:
-        """One transport vector, dense: (columns,) float32, exact.
+        """One transport vector, dense and exact.
+
+        Parameters
+        ----------
+        i
+            Its number.
+
+        Returns
+        -------
+        (columns,) float32, or (columns, 3) where each colour has its own
 
         Raises
         ------
         IndexError
             If there is no such row.
+        ValueError
+            If the transport has several parts.
         """
-        return self._core.row(i)
+        row = self._core.row(i)
+        return row[:, 0] if row.shape[1] == 1 else row
 
     def image(self, B: ArrayLike, env: Environment | None = None) -> NDArray[np.float32]:
         """The picture of a response: albedos in, receivers resolved into their pixels.
@@ -158,9 +232,10 @@ class Transport:
         values = np.ascontiguousarray(B, np.float32)
         if values.shape != (self.shape[0], 3):
             raise ValueError(f"expected B of shape ({self.shape[0]}, 3), got {values.shape}")
-        picture = self._core.image(values)
+        pixels = self.pixels
+        picture = pixels.resolve(values)
         if env is not None:
-            share = self._core.background
+            share = pixels.background
             seen = share > 0
             picture[seen] += share[seen, None] * env.radiance(self._directions[seen])
         return picture
@@ -177,7 +252,7 @@ class Transport:
     @cached_property
     def column_bytes(self) -> NDArray[np.float64]:
         """The bytes of M that a frame streams for each column: (columns,)."""
-        return self._core.column_entries().astype(np.float64) * ENTRY_BYTES[self.width]
+        return self._core.column_bytes()
 
     @cached_property
     def column_costs(self) -> NDArray[np.float64]:
@@ -188,15 +263,10 @@ class Transport:
         tiles = -(-self.shape[0] // self._core.tile_rows)
         return self.column_bytes + _CHOOSING + np.where(self.column_bytes > 0, _FINDING * tiles, 0.0)
 
-    @cached_property
+    @property
     def albedo(self) -> NDArray[np.float32]:
         """Diffuse reflectance of every row, (rows, 3)."""
-        return self._core.albedo
-
-    @cached_property
-    def weight(self) -> NDArray[np.float32]:
-        """The share of its pixel that every row stands for, (rows,)."""
-        return self._core.weight
+        return self.receivers.albedo
 
     @property
     def audit(self) -> tuple[NDArray[np.int64], Transport] | None:
@@ -210,18 +280,38 @@ class Transport:
         groups, rows = found
         return (groups.astype(np.int64)[:, None] * GROUP + np.arange(GROUP)).ravel(), Transport(rows)
 
-    def to_scipy(self) -> scipy.sparse.csr_matrix:
-        """A copy of M as a scipy CSR matrix of float32."""
+    def to_scipy(self, channel: int = 0) -> scipy.sparse.csr_matrix:
+        """A copy of M as a scipy CSR matrix of float32.
+
+        Parameters
+        ----------
+        channel
+            Which colour, where each has its own: 0, 1 or 2.
+
+        Returns
+        -------
+        scipy.sparse.csr_matrix
+            (rows, columns), without the zeros that groups of rows hold.
+
+        Raises
+        ------
+        IndexError
+            If there is no such channel.
+        ValueError
+            If the transport has several parts.
+        """
         import scipy.sparse
 
-        indptr, indices, data = self._core.to_csr()
+        indptr, indices, data = self._core.to_csr(channel)
         return scipy.sparse.csr_matrix((data, indices, indptr), shape=self.shape)
 
     # What scipy asks of a linear operator: `scipy.sparse.linalg.aslinearoperator(transport)` takes these.
     dtype = np.dtype(np.float64)
 
     def matmat(self, x: ArrayLike) -> NDArray[np.float64]:
-        """M x, for x (columns,) or (columns, k): float64."""
+        """M x, for x (columns,) or (columns, k): float64; ValueError where each colour has its own M."""
+        if self.channels != 1:
+            raise ValueError("expected a transport of one channel; take `to_scipy(channel)`, or `multiply` for colours")
         columns = np.asarray(x, np.float64).reshape(self.shape[1], -1).T
         # The kernel multiplies three colours at a time.
         padded = np.zeros((-(-len(columns) // 3) * 3, self.shape[1]))

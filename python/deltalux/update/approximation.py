@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._core import Approximation as CoreApproximation
+from .choice import State
 from .methods import Method
-from .settings import settings
+from .settings import asked, per_column, settings, weights_of
 
 __all__ = ["Approximation", "ColumnBands", "Update"]
 
@@ -56,8 +57,8 @@ class Approximation:
     columns
         The columns of V: `Haar`, `SphericalHarmonics`, or anything with ``bands`` and ``areas``.
     method
-        How columns are chosen, and how many: `Full`, `Linear`, `Nonlinear`, `Incremental`, `PerBand` or
-        `HarmonicOrder`.
+        How columns are chosen, and how many: `Full`, `Linear`, `Nonlinear`, `Incremental`, `PerBand`, `HarmonicOrder`,
+        or a `Method` of one's own.
     initial
         (columns, 3): the values to start from, exactly. None: black.
     column_norms
@@ -92,7 +93,10 @@ class Approximation:
         starts, areas = _bands(columns)
         self.columns = columns
         self.method = method
-        chosen = settings(method, areas, column_norms, column_bytes, band_norms)
+        norms = per_column("column_norms", column_norms, len(areas))
+        costs = per_column("column_bytes", column_bytes, len(areas))
+        chosen = settings(method, areas, column_norms=norms, column_costs=costs, band_norms=band_norms)
+        self._areas, self._weights = areas, weights_of(method, areas, norms, costs)
         self._core = CoreApproximation(starts, areas.tolist(), chosen)
         if initial is not None:
             self._core.set_values(_coefficients(initial, len(areas)))
@@ -110,7 +114,11 @@ class Approximation:
         ValueError
             If the shape is wrong or a coefficient is NaN, infinite or beyond 1e90; nothing has changed then.
         """
-        columns, changes, resets = self._core.step(_coefficients(target, len(self._core)))
+        V, given = _coefficients(target, len(self._core)), None
+        if self.method.is_own:
+            state = State(V, self.values, np.asarray(self.columns.bands), self._areas, self._weights)
+            given = asked(self.method, state)
+        columns, changes, resets = self._core.step(V, given)
         return Update(tuple(resets), columns, changes)
 
     @property

@@ -1,15 +1,17 @@
 """Update methods: which columns of V to bring up to date in a frame, and how many.
 
 ``Full``, ``Linear``, ``Nonlinear`` (NWA), ``Incremental`` (BI), ``PerBand`` (PBI) and ``HarmonicOrder`` (PBI for
-spherical harmonics) are plain settings; `Approximation` and `Relighter` act on them. (Overbeck 2006, chapters 2, 4, 6
-and 8.)
+spherical harmonics) are plain settings, written here once and read by the core; `Approximation` and `Relighter` act on
+them. (Overbeck 2006, chapters 2, 4, 6 and 8.) A `Method` of one's own chooses in Python.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
+from .._core import Method as CoreMethod
 from ..checks import amount, count, one_of
+from .choice import Choice, State
 
 __all__ = ["Full", "HarmonicOrder", "Incremental", "Linear", "Method", "Nonlinear", "PerBand"]
 
@@ -19,39 +21,9 @@ NORMS = ("l1", "l2")
 CHANNELS = ("joint", "separate")
 
 
-@dataclass(frozen=True)
-class Full:
-    """Every column that differs, in every frame: the exact product."""
-
-
-@dataclass(frozen=True)
-class _Budgeted:
-    """What all methods but `Full` share: a budget, of which exactly one form is given, a weight and channels."""
-
-    terms: int | None = None
-    milliseconds: float | None = field(default=None, kw_only=True)
-    error: float | None = field(default=None, kw_only=True)
-    weight: str = field(default="area", kw_only=True)
-    channels: str = field(default="joint", kw_only=True)
-
-    def __post_init__(self) -> None:
-        budgets = {"terms": self.terms, "milliseconds": self.milliseconds, "error": self.error}
-        given = [name for name, value in budgets.items() if value is not None]
-        if len(given) != 1:
-            found = " and ".join(given) or "none"
-            raise ValueError(f"expected one budget (terms=, milliseconds= or error=), got {found}")
-        (name,) = given
-        check = count if name == "terms" else amount
-        object.__setattr__(self, name, check(name, budgets[name]))
-        one_of("weight", self.weight, WEIGHTS)
-        one_of("channels", self.channels, CHANNELS)
-
-
-@dataclass(frozen=True)
-class Nonlinear(_Budgeted):
-    """NWA, non-linear wavelet approximation: the largest terms of the light, from black, in every frame.
-
-    Exactly one of the three budgets is given.
+@dataclass(frozen=True, repr=False)
+class Method:
+    """How the columns of a frame are chosen. Subclass it and write `choose` for a method of your own.
 
     Parameters
     ----------
@@ -71,29 +43,125 @@ class Nonlinear(_Budgeted):
     Raises
     ------
     ValueError
-        If a setting is out of its range.
+        If a setting is out of its range, or not exactly one budget is given. (A method of one's own may have none: all
+        that it chooses is sent.)
+
+    Examples
+    --------
+    >>> class Loudest(Method):
+    ...     def choose(self, state):
+    ...         return Choice(columns=(-state.worth()).argsort())
+    >>> Loudest(terms=30)
+    Loudest(terms=30)
     """
 
+    terms: int | None = None
+    milliseconds: float | None = field(default=None, kw_only=True)
+    error: float | None = field(default=None, kw_only=True)
+    weight: str = field(default="area", kw_only=True)
+    channels: str = field(default="joint", kw_only=True)
 
-@dataclass(frozen=True)
-class Linear(_Budgeted):
+    def __post_init__(self) -> None:
+        budgets = {"terms": self.terms, "milliseconds": self.milliseconds, "error": self.error}
+        given = [name for name, value in budgets.items() if value is not None]
+        if len(given) > 1 or (not given and not self.is_own):
+            found = " and ".join(given) or "none"
+            raise ValueError(f"expected one budget (terms=, milliseconds= or error=), got {found}")
+        for name in given:
+            check = count if name == "terms" else amount
+            object.__setattr__(self, name, check(name, budgets[name]))
+        one_of("weight", self.weight, WEIGHTS)
+        one_of("channels", self.channels, CHANNELS)
+
+    def __repr__(self) -> str:
+        """The settings that are not the default."""
+        own = [item for item in fields(self) if getattr(self, item.name) != item.default]
+        return f"{type(self).__name__}({', '.join(f'{item.name}={getattr(self, item.name)!r}' for item in own)})"
+
+    @property
+    def is_own(self) -> bool:
+        """Whether `choose` is somebody's own; the methods of this module are chosen by the core."""
+        return type(self).choose is not Method.choose
+
+    def choose(self, state: State) -> Choice:
+        """What to send in one frame: to be written by a method of one's own.
+
+        It is asked in every frame but those in which everything is sent anyway. Whatever it says, a frame is exact and
+        its bound holds: only what is sent, and so how near the frame is, depends on it.
+
+        Parameters
+        ----------
+        state
+            Where the light is, and what has been applied of it.
+
+        Returns
+        -------
+        Choice
+            Bands to reset, and columns in the order of their worth.
+        """
+        raise NotImplementedError(f"{type(self).__name__} has no choose(state)")
+
+    def core(self) -> CoreMethod:
+        """The rule of the core that chooses; for a method of one's own, one that is never asked.
+
+        Returns
+        -------
+        _core.Method
+        """
+        return CoreMethod.incremental()
+
+
+@dataclass(frozen=True, repr=False, init=False)
+class Full(Method):
+    """Every column that differs, in every frame: the exact product. It has no budget."""
+
+    def __init__(self) -> None:
+        # More than there can be.
+        super().__init__(terms=2**40)
+
+    def __repr__(self) -> str:
+        return "Full()"
+
+    def core(self) -> CoreMethod:  # noqa: D102
+        return CoreMethod.full()
+
+
+@dataclass(frozen=True, repr=False)
+class Nonlinear(Method):
+    """NWA, non-linear wavelet approximation: the largest terms of the light, from black, in every frame.
+
+    Budget, ``weight`` and ``channels`` are those of `Method`.
+    """
+
+    def core(self) -> CoreMethod:  # noqa: D102
+        return CoreMethod.nonlinear()
+
+
+@dataclass(frozen=True, repr=False)
+class Linear(Method):
     """Linear approximation: the first columns of the light and no others, from black, in every frame.
 
     ``Linear(terms=25)`` on spherical harmonics of any order is lighting of order 5: its columns stand degree by degree.
-    Budget and ``channels`` are those of `Nonlinear`; ``weight`` changes nothing.
+    Budget and ``channels`` are those of `Method`; ``weight`` changes nothing.
     """
 
+    def core(self) -> CoreMethod:  # noqa: D102
+        return CoreMethod.linear()
 
-@dataclass(frozen=True)
-class Incremental(_Budgeted):
+
+@dataclass(frozen=True, repr=False)
+class Incremental(Method):
     """BI, basic incremental updates: the largest changes of the light.
 
-    Budget, ``weight`` and ``channels`` are those of `Nonlinear`.
+    Budget, ``weight`` and ``channels`` are those of `Method`.
     """
 
+    def core(self) -> CoreMethod:  # noqa: D102
+        return CoreMethod.incremental()
 
-@dataclass(frozen=True)
-class PerBand(_Budgeted):
+
+@dataclass(frozen=True, repr=False)
+class PerBand(Method):
     """PBI, per-band incremental updates: each band is either changed or started anew (Fig. 6.1).
 
     ``test`` decides: ``"simple"`` (is the light nearer to our copy than to zero?), ``"dealer"`` (together with the
@@ -101,7 +169,7 @@ class PerBand(_Budgeted):
     incremental, the others always reset: NWA in those, which never converges). ``norm`` is the error they measure,
     over columns and colours, in the weights of the choice: ``"l1"`` or ``"l2"``.
 
-    Budget, ``weight`` and ``channels`` are those of `Nonlinear`.
+    Budget, ``weight`` and ``channels`` are those of `Method`.
     """
 
     test: str = "simple"
@@ -124,13 +192,16 @@ class PerBand(_Budgeted):
                 f"test={self.test!r} minimises error within a budget: expected terms= or milliseconds=, got error="
             )
 
+    def core(self) -> CoreMethod:  # noqa: D102
+        return CoreMethod.per_band(test=self.test, norm=self.norm, fixed=self.fixed)
 
-@dataclass(frozen=True)
-class HarmonicOrder(_Budgeted):
+
+@dataclass(frozen=True, repr=False)
+class HarmonicOrder(Method):
     """PBI for spherical harmonics: low bands first, each to a tolerance, a tenth of it in each later pass.
 
     ``tolerance`` is relative to the norm of the light. A band that gets no term keeps its values (Fig. 8.1, in the
-    reading that does not zero it). Budget, ``weight`` and ``channels`` are those of `Nonlinear`.
+    reading that does not zero it). Budget, ``weight`` and ``channels`` are those of `Method`.
     """
 
     terms: int | None = 25
@@ -141,5 +212,5 @@ class HarmonicOrder(_Budgeted):
         super().__post_init__()
         object.__setattr__(self, "tolerance", amount("tolerance", self.tolerance))
 
-
-Method = Full | Linear | Nonlinear | Incremental | PerBand | HarmonicOrder
+    def core(self) -> CoreMethod:  # noqa: D102
+        return CoreMethod.harmonic_order(tolerance=self.tolerance)

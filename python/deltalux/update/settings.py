@@ -1,69 +1,58 @@
-"""A method as the core takes it: names, numbers and weights instead of a class."""
+"""A method as the core takes it: its rule, its budget, and its weights as numbers."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .methods import Full, HarmonicOrder, Incremental, Linear, Method, Nonlinear, PerBand
+from .._core import Settings
+from .choice import Choice, State
+from .methods import Method
 
-_NAMES: dict[type, str] = {
-    Full: "full",
-    Linear: "linear",
-    Nonlinear: "nonlinear",
-    Incremental: "incremental",
-    PerBand: "per-band",
-    HarmonicOrder: "harmonic-order",
-}
+__all__ = ["asked", "per_column", "settings", "weights_of"]
 
 
 def settings(
     method: Method,
     areas: NDArray[np.float64],
-    column_norms: ArrayLike | None = None,
-    column_bytes: ArrayLike | None = None,
-    band_norms: ArrayLike | None = None,
     *,
-    milliseconds_cost: float | None = None,
-) -> dict[str, Any]:
-    """A method as the core takes it: its weights as numbers, its budget as one of three.
+    column_norms: ArrayLike | None = None,
+    column_costs: ArrayLike | None = None,
+    band_norms: ArrayLike | None = None,
+    timed: bool = False,
+) -> Settings:
+    """All that choosing is told of one stage.
 
-    ``milliseconds_cost`` is what a budget in milliseconds buys, in the unit of ``column_bytes``.
+    ``timed`` says that somebody measures time, and sets a budget in milliseconds anew in every frame.
     """
-    if type(method) not in _NAMES:
+    if not isinstance(method, Method):
         raise ValueError(f"expected an update method such as PerBand(terms=30), got {method!r}")
-    timed = getattr(method, "milliseconds", None) is not None
-    if timed and milliseconds_cost is None:
+    if method.milliseconds is not None and not timed:
         raise ValueError("a budget in milliseconds needs a Relighter, which measures time; give terms= or error=")
-    columns = len(areas)
-    norms = _per_column("column_norms", column_norms, columns)
-    costs = _per_column("column_bytes", column_bytes, columns)
-    error = getattr(method, "error", None)
-    if error is not None and band_norms is None:
+    if method.error is not None and band_norms is None:
         raise ValueError("a budget in error needs band_norms, the largest row norm of M in every band")
-    # More terms than there are candidates are all of them.
-    terms = 3 * columns if isinstance(method, Full) else method.terms
-    return {
-        "method": _NAMES[type(method)],
-        "terms": terms if terms is None else min(terms, 3 * columns),
-        "cost": milliseconds_cost if timed else None,
-        "error": error,
-        "factors": [] if band_norms is None else np.asarray(band_norms, np.float64).tolist(),
-        "weights": _weights(getattr(method, "weight", "none"), areas, norms, costs),
-        "costs": costs,
-        "test": getattr(method, "test", "simple"),
-        "norm": getattr(method, "norm", "l1"),
-        "fixed": min(getattr(method, "fixed", None) or 0, columns),
-        "tolerance": getattr(method, "tolerance", 0.0),
-        "separate": getattr(method, "channels", "joint") == "separate",
-    }
+    columns = len(areas)
+    norms, costs = per_column("column_norms", column_norms, columns), per_column("column_bytes", column_costs, columns)
+    # More terms than there are candidates are all of them; so are those of a method without a budget.
+    within = method.milliseconds is None and method.error is None
+    terms = min(3 * columns if method.terms is None else method.terms, 3 * columns) if within else None
+    return Settings(
+        method.core(),
+        weights=weights_of(method, areas, norms, costs),
+        terms=terms,
+        cost=0.0 if method.milliseconds is not None else None,
+        error=method.error,
+        factors=None if band_norms is None else np.ascontiguousarray(band_norms, np.float64),
+        costs=costs,
+        separate=method.channels == "separate",
+    )
 
 
-def _weights(
-    name: str, areas: NDArray[np.float64], norms: NDArray[np.float64] | None, costs: NDArray[np.float64] | None
+def weights_of(
+    method: Method, areas: NDArray[np.float64], norms: NDArray[np.float64] | None, costs: NDArray[np.float64] | None
 ) -> NDArray[np.float64]:
+    """What a unit of change in every column is worth, (columns,) float64."""
+    name = method.weight
     if name == "area":
         return areas
     if name == "root-area":
@@ -79,7 +68,15 @@ def _weights(
     return norms / np.sqrt(np.maximum(costs, 1.0))
 
 
-def _per_column(name: str, numbers: ArrayLike | None, columns: int) -> NDArray[np.float64] | None:
+def asked(method: Method, state: State) -> tuple[list[int], NDArray[np.uint32]]:
+    """What a method of one's own says of a frame, checked."""
+    choice = method.choose(state)
+    if not isinstance(choice, Choice):
+        raise ValueError(f"expected {type(method).__name__}.choose to return a Choice, got {choice!r}")
+    return choice.checked()
+
+
+def per_column(name: str, numbers: ArrayLike | None, columns: int) -> NDArray[np.float64] | None:
     if numbers is None:
         return None
     array = np.ascontiguousarray(numbers, np.float64)

@@ -1,6 +1,7 @@
 //! The manifest of a transport directory: written last, read first (`FORMAT.md`).
 
 use std::io::Read;
+use std::ops::Range;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
@@ -8,24 +9,30 @@ use serde_json::value::RawValue;
 
 use crate::basis::ColumnSpace;
 use crate::error::{Error, Result};
-
-use crate::transport::entry::{GROUP, MAX_TILE_ROWS, Width, check_quantum};
+use crate::transport::entry::{Channels, GROUP, MAX_TILE_ROWS, Width, check_quantum};
 
 pub const FORMAT: &str = "deltalux.transport";
 /// The major version is refused where it is unknown; a minor one only adds keys or files that older readers may ignore.
-pub const MAJOR: u32 = 1;
+pub const MAJOR: u32 = 2;
+/// The first version: one matrix of pixels, whose part has no name. It is read for good.
+pub const FIRST: u32 = 1;
 pub const MINOR: u32 = 0;
 pub const MANIFEST: &str = "manifest.json";
 pub const RECEIVERS: &str = "receivers.safetensors";
+pub const LINK: &str = "link.safetensors";
 pub const AUDIT: &str = "audit.safetensors";
 /// Tiles in a shard file; the last file may hold fewer.
 pub const TILES_PER_SHARD: usize = 4;
 /// A manifest of a sane transport is some kilobytes.
-const MAX_MANIFEST: u64 = 16 << 20;
+pub(super) const MAX_MANIFEST: u64 = 16 << 20;
 /// Rows times columns that 64-bit sizes hold with room to spare.
 const MAX_CELLS: u64 = 1 << 48;
 /// Pixels of an image: 16,384 squared.
 const MAX_PIXELS: u64 = 1 << 28;
+/// Parts of one transport: a basis of a family of BRDFs has a few tens.
+const MAX_PARTS: usize = 256;
+/// The longest name of a part.
+const MAX_NAME: usize = 32;
 
 /// One file of the directory.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -36,12 +43,11 @@ pub struct FileEntry {
     pub xxh3: String,
 }
 
-/// All that a transport says of itself. Keys that are unknown here are ignored.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Manifest {
-    pub format: String,
-    /// [major, minor]
-    pub version: [u32; 2],
+/// One matrix of a transport.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PartEntry {
+    /// Of lower-case letters, digits and underscores; empty for the one part of a file of version 1.
+    pub name: String,
     /// As `ColumnSpace` writes it: `haar:64`.
     pub columns: String,
     pub rows: usize,
@@ -50,11 +56,45 @@ pub struct Manifest {
     /// `i8` or `i16`.
     pub width: String,
     pub tile_rows: usize,
+}
+
+/// How parts make up the product, by their names.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ChainEntry {
+    pub first: Vec<String>,
+    /// `none`, `weights`, `tree` or `representatives`.
+    pub link: String,
+    /// The exponent of the weights, where those are the link.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exponent: Option<i32>,
+    #[serde(default)]
+    pub then: Vec<String>,
+}
+
+/// What the rows are.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct ReceiversEntry {
+    /// `pixels`, `vertices` or `gather`.
+    pub kind: String,
+    /// The image that pixels resolve into: [height, width].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub image: Option<[usize; 2]>,
+    /// Opaque here: an object that Python writes and reads.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub camera: Option<Box<RawValue>>,
+}
+
+/// All that a transport says of itself. Keys that are unknown here are ignored.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Manifest {
+    pub format: String,
+    /// [major, minor]
+    pub version: [u32; 2],
+    pub parts: Vec<PartEntry>,
+    pub chain: ChainEntry,
     pub tiles_per_shard: usize,
-    /// The image that the receivers resolve into: [height, width].
-    pub image: [usize; 2],
-    /// Opaque here: objects that Python writes and reads.
-    pub camera: Box<RawValue>,
+    pub receivers: ReceiversEntry,
+    /// Opaque here, as the camera.
     pub plan: Box<RawValue>,
     /// Identifies the scene that M was computed from.
     pub scene: String,
@@ -63,87 +103,23 @@ pub struct Manifest {
 
 /// What a newcomer sees first in a manifest of whatever version.
 #[derive(Deserialize)]
-struct Preamble {
-    format: String,
-    version: [u32; 2],
+pub(super) struct Preamble {
+    pub format: String,
+    pub version: [u32; 2],
 }
 
-impl Manifest {
-    /// Whether a directory has a manifest of this format, of whatever version.
-    pub fn is_transport(directory: &Path) -> bool {
-        read_small(&directory.join(MANIFEST), MAX_MANIFEST)
-            .is_ok_and(|text| serde_json::from_slice::<Preamble>(&text).is_ok_and(|seen| seen.format == FORMAT))
-    }
+/// An expectation on hostile numbers.
+fn expect(holds: bool, what: impl FnOnce() -> String) -> Result<()> {
+    if holds { Ok(()) } else { Err(Error::input(what())) }
+}
 
-    /// Reads `manifest.json` of a directory and checks all that can be checked without the other files.
-    pub fn read(directory: &Path) -> Result<Manifest> {
-        let path = directory.join(MANIFEST);
-        let text = read_small(&path, MAX_MANIFEST)?;
-        let preamble: Preamble = serde_json::from_slice(&text)
-            .map_err(|error| Error::file(&path, format!("not the manifest of a transport: {error}")))?;
-        if preamble.format != FORMAT {
-            let found = preamble.format;
-            return Err(Error::file(&path, format!("expected the format {FORMAT:?}, found {found:?}")));
-        }
-        if preamble.version[0] != MAJOR {
-            let found = preamble.version[0];
-            return Err(Error::file(&path, format!("expected version {MAJOR} of the format, found version {found}")));
-        }
-        let manifest: Manifest = serde_json::from_slice(&text)
-            .map_err(|error| Error::file(&path, format!("the manifest is damaged: {error}")))?;
-        manifest.check().map_err(|error| Error::file(&path, error.to_string()))?;
-        Ok(manifest)
-    }
-
-    /// Whether the numbers make sense together and the files are exactly those that they call for.
-    pub fn check(&self) -> Result<()> {
-        let space = self.space()?;
-        let [height, width] = self.image;
-        let cells = (self.rows as u64).checked_mul(space.columns() as u64);
-        let sane = [
-            (self.channels == 1, format!("expected 1 channel, found {}", self.channels)),
-            (
-                self.rows > 0 && self.rows <= u32::MAX as usize && cells.is_some_and(|cells| cells <= MAX_CELLS),
-                format!("expected at least one row and at most 2^48 entries, found {} rows", self.rows),
-            ),
-            (
-                self.tile_rows > 0 && self.tile_rows <= MAX_TILE_ROWS && self.tile_rows.is_multiple_of(GROUP),
-                format!("expected tiles of 16 to {MAX_TILE_ROWS} rows, a multiple of 16, found {}", self.tile_rows),
-            ),
-            (
-                self.tiles_per_shard == TILES_PER_SHARD,
-                format!("expected {TILES_PER_SHARD} tiles a file, found {}", self.tiles_per_shard),
-            ),
-            (
-                (height as u64).checked_mul(width as u64).is_some_and(|pixels| pixels <= MAX_PIXELS),
-                format!("expected an image of at most 2^28 pixels, found {width} x {height}"),
-            ),
-        ];
-        if let Some((_, complaint)) = sane.into_iter().find(|(holds, _)| !holds) {
-            return Err(Error::input(complaint));
-        }
-        check_quantum(self.quantum, self.width()?)?;
-        self.check_names()
-    }
-
-    /// The list names each shard once, in order, then the receivers, then perhaps the audit: no path can hide in it.
-    fn check_names(&self) -> Result<()> {
-        let shards = self.shards();
-        let expected = (0..shards).map(shard_name).chain([RECEIVERS.to_owned(), AUDIT.to_owned()]);
-        for (entry, name) in self.files.iter().zip(expected) {
-            if entry.name != name {
-                return Err(Error::input(format!("expected the file {name:?} in the list, found {:?}", entry.name)));
-            }
-        }
-        if self.files.len() != shards + 1 && self.files.len() != shards + 2 {
-            let found = self.files.len();
-            return Err(Error::input(format!("expected {shards} tile files and the receivers, found {found} files")));
-        }
-        Ok(())
-    }
-
+impl PartEntry {
     pub fn space(&self) -> Result<ColumnSpace> {
         self.columns.parse()
+    }
+
+    pub fn channels(&self) -> Result<Channels> {
+        Channels::from_count(self.channels)
     }
 
     pub fn width(&self) -> Result<Width> {
@@ -163,13 +139,144 @@ impl Manifest {
     }
 
     /// The tiles of a shard.
-    pub fn tiles_of(&self, shard: usize) -> std::ops::Range<usize> {
+    pub fn tiles_of(&self, shard: usize) -> Range<usize> {
         shard * TILES_PER_SHARD..self.tiles().min((shard + 1) * TILES_PER_SHARD)
     }
 
     /// Rows of a tile: all tiles but the last are full.
     pub fn rows_of(&self, tile: usize) -> usize {
         self.tile_rows.min(self.rows - tile * self.tile_rows)
+    }
+
+    /// Whether the numbers make sense together.
+    pub fn check(&self) -> Result<()> {
+        let columns = self.space()?.columns();
+        self.channels()?;
+        let cells = (self.rows as u64).checked_mul(3 * columns as u64);
+        expect(
+            self.rows > 0 && self.rows <= u32::MAX as usize && cells.is_some_and(|cells| cells <= MAX_CELLS),
+            || format!("expected at least one row and at most 2^48 entries, found {} rows", self.rows),
+        )?;
+        expect(self.tile_rows > 0 && self.tile_rows <= MAX_TILE_ROWS && self.tile_rows.is_multiple_of(GROUP), || {
+            format!("expected tiles of 16 to {MAX_TILE_ROWS} rows, a multiple of 16, found {}", self.tile_rows)
+        })?;
+        check_quantum(self.quantum, self.width()?)
+    }
+}
+
+/// Whether a part may be called so.
+pub fn is_part_name(name: &str) -> bool {
+    let letter = |c: u8| c.is_ascii_lowercase() || c.is_ascii_digit() || c == b'_';
+    !name.is_empty() && name.len() <= MAX_NAME && name.bytes().all(letter)
+}
+
+impl Manifest {
+    /// Whether a directory has a manifest of this format, of whatever version.
+    pub fn is_transport(directory: &Path) -> bool {
+        read_small(&directory.join(MANIFEST), MAX_MANIFEST)
+            .is_ok_and(|text| serde_json::from_slice::<Preamble>(&text).is_ok_and(|seen| seen.format == FORMAT))
+    }
+
+    /// Whether the numbers make sense together and the files are exactly those that they call for.
+    pub fn check(&self) -> Result<()> {
+        let count = self.parts.len();
+        expect((1..=MAX_PARTS).contains(&count), || format!("expected 1 to {MAX_PARTS} parts, found {count}"))?;
+        for part in &self.parts {
+            part.check()?;
+            // The names of version 1's files hold no part.
+            let named = is_part_name(&part.name) || self.version[0] == FIRST;
+            expect(named, || {
+                format!("expected a part's name of up to {MAX_NAME} of a-z, 0-9 and _, found {:?}", part.name)
+            })?;
+        }
+        let mut names: Vec<&str> = self.parts.iter().map(|part| part.name.as_str()).collect();
+        names.sort_unstable();
+        if let Some(twice) = names.windows(2).find(|pair| pair[0] == pair[1]) {
+            return Err(Error::input(format!("expected parts of different names, found {:?} twice", twice[0])));
+        }
+        expect(self.tiles_per_shard == TILES_PER_SHARD, || {
+            format!("expected {TILES_PER_SHARD} tiles a file, found {}", self.tiles_per_shard)
+        })?;
+        self.check_chain()?;
+        self.check_receivers()?;
+        self.check_names()
+    }
+
+    /// Each part has its place in the chain, and parts come in its order.
+    fn check_chain(&self) -> Result<()> {
+        let ChainEntry { first, link, then, .. } = &self.chain;
+        let two = match link.as_str() {
+            "none" | "weights" => false,
+            "tree" | "representatives" => true,
+            other => {
+                let links = "\"none\", \"weights\", \"tree\" or \"representatives\"";
+                return Err(Error::input(format!("expected a link {links}, found {other:?}")));
+            }
+        };
+        expect(!first.is_empty() && then.is_empty() != two, || {
+            format!("expected parts for each stage of a chain by {link:?}, found {first:?} and {then:?}")
+        })?;
+        let named: Vec<&String> = first.iter().chain(then).collect();
+        let parts: Vec<&String> = self.parts.iter().map(|part| &part.name).collect();
+        expect(named == parts, || format!("expected the chain to name the parts {parts:?} in order, found {named:?}"))
+    }
+
+    fn check_receivers(&self) -> Result<()> {
+        let ReceiversEntry { kind, image, .. } = &self.receivers;
+        match (kind.as_str(), image) {
+            ("pixels", Some([height, width])) => {
+                let pixels = (*height as u64).checked_mul(*width as u64);
+                expect(pixels.is_some_and(|pixels| pixels <= MAX_PIXELS), || {
+                    format!("expected an image of at most 2^28 pixels, found {width} x {height}")
+                })
+            }
+            ("vertices" | "gather", None) => Ok(()),
+            _ => Err(Error::input(format!(
+                "expected receivers of the kind \"pixels\" with an image, \"vertices\" or \"gather\", found {kind:?} \
+                 with the image {image:?}"
+            ))),
+        }
+    }
+
+    /// The list names each shard of each part once, in order, then the receivers, then what the link needs, then perhaps
+    /// the audit: no path can hide in it.
+    fn check_names(&self) -> Result<()> {
+        let shards = self.parts.iter().flat_map(|part| (0..part.shards()).map(|shard| shard_name(&part.name, shard)));
+        let link = self.has_link_file().then(|| LINK.to_owned());
+        let expected: Vec<String> = shards.chain([RECEIVERS.to_owned()]).chain(link).collect();
+        let with_audit = expected.iter().map(String::as_str).chain([AUDIT]);
+        for (entry, name) in self.files.iter().zip(with_audit) {
+            if entry.name != name {
+                return Err(Error::input(format!("expected the file {name:?} in the list, found {:?}", entry.name)));
+            }
+        }
+        let (needed, found) = (expected.len(), self.files.len());
+        expect(found == needed || found == needed + 1, || {
+            format!("expected {needed} files of tiles and receivers and perhaps an audit, found {found} files")
+        })
+    }
+
+    /// Whether the chain's link has numbers of its own.
+    pub fn has_link_file(&self) -> bool {
+        matches!(self.chain.link.as_str(), "weights" | "tree")
+    }
+
+    /// The files of a part, and of the receivers, the link and the audit.
+    pub fn files_by_kind(&self) -> (Vec<&[FileEntry]>, &[FileEntry]) {
+        let mut rest = &self.files[..];
+        let mut of_parts = Vec::new();
+        for part in &self.parts {
+            let (own, others) = rest.split_at(part.shards());
+            of_parts.push(own);
+            rest = others;
+        }
+        (of_parts, rest)
+    }
+
+    /// The part whose rows are the receivers.
+    pub fn receiving(&self) -> &PartEntry {
+        let two = !self.chain.then.is_empty();
+        &self.parts[if two { self.chain.first.len() } else { 0 }]
     }
 }
 
@@ -180,8 +287,13 @@ pub fn width_name(width: Width) -> &'static str {
     }
 }
 
-pub fn shard_name(shard: usize) -> String {
-    format!("tiles-{shard:05}.safetensors")
+/// The file of a shard of a part; files of version 1 name no part.
+pub fn shard_name(part: &str, shard: usize) -> String {
+    if part.is_empty() {
+        format!("tiles-{shard:05}.safetensors")
+    } else {
+        format!("tiles-{part}-{shard:05}.safetensors")
+    }
 }
 
 /// Reads a file that must not be larger than `limit`, whatever it claims.

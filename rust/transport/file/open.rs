@@ -9,18 +9,20 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 
-use crate::basis::Bands;
 use crate::error::{Error, Result};
 
-use super::manifest::{FileEntry, MANIFEST, Manifest};
+use super::link;
+use super::manifest::{FileEntry, MANIFEST, Manifest, PartEntry};
 use super::receivers;
 use super::shard::Shard;
-use crate::transport::entry::{GROUP, MAX_TILE_ROWS, Width, group_of, max_step, shift_of};
+use super::versions::read_manifest;
+use crate::transport::entry::{Channels, GROUP, MAX_TILE_ROWS, Width, group_of, max_step, shift_of};
 use crate::transport::matrix::TransportMatrix;
+use crate::transport::product::Product;
 use crate::transport::receivers::ReceiverTable;
 use crate::transport::tile::{Slab, Tile, Values};
 
-/// Untruncated sample groups: what truncation can be measured against.
+/// Untruncated sample groups of the first part: what truncation can be measured against.
 #[derive(Clone)]
 pub struct Audit {
     /// Numbers of the groups of 16 rows, counted over the whole matrix.
@@ -32,83 +34,89 @@ pub struct Audit {
 /// An opened transport.
 pub struct Opened {
     pub manifest: Manifest,
-    pub matrix: Arc<TransportMatrix>,
+    pub product: Product,
     pub receivers: ReceiverTable,
     pub audit: Option<Audit>,
 }
 
 /// Opens a directory by memory map. Every file is read once for its checksum, in parallel.
 pub fn open(directory: &Path) -> Result<Opened> {
-    let manifest = Manifest::read(directory)?;
+    let manifest = read_manifest(directory)?;
     let manifest_error = |error: Error| Error::file(&directory.join(MANIFEST), error.to_string());
-    let space = manifest.space().map_err(manifest_error)?;
-    let width = manifest.width().map_err(manifest_error)?;
-    let bands = space.bands();
-    let (shard_files, others) = manifest.files.split_at(manifest.shards());
+    let (of_parts, others) = manifest.files_by_kind();
 
     // The tiles of all shards, verified in parallel; the first error in file order is told.
-    let shards: Vec<Result<Vec<Tile>>> = shard_files
-        .par_iter()
-        .enumerate()
-        .map(|(shard, entry)| read_shard(directory, entry, &manifest, shard, width, &bands))
+    let parts = manifest.parts.iter().zip(of_parts);
+    let shards =
+        parts.flat_map(|(part, files)| files.iter().enumerate().map(move |(shard, entry)| (part, shard, entry)));
+    let read: Vec<Result<Vec<Tile>>> = shards
+        .collect::<Vec<_>>()
+        .into_par_iter()
+        .map(|(part, shard, entry)| read_shard(directory, entry, part, shard))
         .collect();
-    let mut tiles = Vec::new();
-    for shard in shards {
-        tiles.extend(shard?);
+    let mut read = read.into_iter();
+    let mut matrices = Vec::new();
+    for part in &manifest.parts {
+        let mut tiles = Vec::new();
+        for shard in read.by_ref().take(part.shards()) {
+            tiles.extend(shard?);
+        }
+        matrices.push(Arc::new(matrix(part, tiles).map_err(manifest_error)?));
     }
 
     let receivers = receivers::read(&Shard::open(directory, &others[0])?, &manifest)?;
-    let audit = match others.get(1) {
-        Some(entry) => Some(read_audit(&Shard::open(directory, entry)?, &manifest, &bands)?),
+    let (link_file, audit_file) = others[1..].split_at(usize::from(manifest.has_link_file()));
+    let link_file = link_file.first().map(|entry| Shard::open(directory, entry)).transpose()?;
+    let audit = match audit_file.first() {
+        Some(entry) => Some(read_audit(&Shard::open(directory, entry)?, &manifest)?),
         None => None,
     };
-    let matrix = TransportMatrix {
-        space,
-        bands,
-        rows: manifest.rows,
-        quantum: manifest.quantum,
-        tile_rows: manifest.tile_rows,
-        tiles,
-    };
-    Ok(Opened { manifest, matrix: Arc::new(matrix), receivers, audit })
+    let product = link::product(&manifest, matrices, link_file.as_ref()).map_err(|error| match error {
+        Error::Input(_) => manifest_error(error),
+        other => other,
+    })?;
+    Ok(Opened { manifest, product, receivers, audit })
 }
 
-fn read_shard(
-    directory: &Path,
-    entry: &FileEntry,
-    manifest: &Manifest,
-    shard: usize,
-    width: Width,
-    bands: &Bands,
-) -> Result<Vec<Tile>> {
+/// A part from its tiles.
+fn matrix(part: &PartEntry, tiles: Vec<Tile>) -> Result<TransportMatrix> {
+    let space = part.space()?;
+    let PartEntry { rows, quantum, tile_rows, .. } = *part;
+    Ok(TransportMatrix { space, bands: space.bands(), rows, channels: part.channels()?, quantum, tile_rows, tiles })
+}
+
+fn read_shard(directory: &Path, entry: &FileEntry, part: &PartEntry, shard: usize) -> Result<Vec<Tile>> {
     let file = Shard::open(directory, entry)?;
-    let numbers = manifest.tiles_of(shard);
+    let numbers = part.tiles_of(shard);
     file.expect_count(5 * numbers.len())?;
-    numbers
-        .map(|number| {
-            let name = format!("{number:05}");
-            read_tile(&file, &name, manifest.rows_of(number), manifest.quantum, width, bands)
-        })
-        .collect()
+    let width = part.width()?;
+    numbers.map(|number| read_tile(&file, &format!("{number:05}"), part.rows_of(number), part, width)).collect()
 }
 
 /// A tile by its arrays' common name, with everything about it checked.
-fn read_tile(file: &Shard, name: &str, rows: usize, quantum: i32, width: Width, bands: &Bands) -> Result<Tile> {
+fn read_tile(file: &Shard, name: &str, rows: usize, part: &PartEntry, width: Width) -> Result<Tile> {
+    let (bands, channels) = (part.space()?.bands(), part.channels()?);
     let entries = file.len(&format!("{name}.words"))?;
     let values = format!("{name}.values");
-    let norms = [rows, bands.count()];
+    // Files of one channel have no axis for it.
+    let shape = |all: [usize; 3]| match channels {
+        Channels::One => vec![all[0], all[1] * all[2]],
+        Channels::Three => all.to_vec(),
+    };
+    let (norms, integers) = (shape([rows, bands.count(), channels.count()]), shape([entries, channels.count(), GROUP]));
     let tile = Tile {
         rows,
+        channels,
         starts: file.slab(&format!("{name}.starts"), &[bands.columns() + 1])?,
         words: file.slab(&format!("{name}.words"), &[entries])?,
         values: match width {
-            Width::I8 => Values::I8(file.slab(&values, &[entries, GROUP])?),
-            Width::I16 => Values::I16(file.slab(&values, &[entries, GROUP])?),
+            Width::I8 => Values::I8(file.slab(&values, &integers)?),
+            Width::I16 => Values::I16(file.slab(&values, &integers)?),
         },
         kept: file.slab(&format!("{name}.kept"), &norms)?,
         dropped: file.slab(&format!("{name}.dropped"), &norms)?,
     };
-    check_tile(&tile, quantum, width).map_err(|what| file.error(format!("tile {name:?}: {what}")))?;
+    check_tile(&tile, part.quantum, width).map_err(|what| file.error(format!("tile {name:?}: {what}")))?;
     Ok(tile)
 }
 
@@ -177,25 +185,29 @@ fn padding_is_zero(tile: &Tile) -> bool {
     let last = tile.groups() - 1;
     used == 0
         || tile.words.iter().enumerate().filter(|&(_, &word)| group_of(word) == last).all(|(entry, _)| {
-            let padding = entry * GROUP + used..(entry + 1) * GROUP;
-            match &tile.values {
-                Values::I8(values) => values[padding].iter().all(|&value| value == 0),
-                Values::I16(values) => values[padding].iter().all(|&value| value == 0),
-            }
+            let channels = tile.channels.count();
+            (entry * channels..(entry + 1) * channels).all(|plane| {
+                let padding = plane * GROUP + used..(plane + 1) * GROUP;
+                match &tile.values {
+                    Values::I8(values) => values[padding].iter().all(|&value| value == 0),
+                    Values::I16(values) => values[padding].iter().all(|&value| value == 0),
+                }
+            })
         })
 }
 
-fn read_audit(file: &Shard, manifest: &Manifest, bands: &Bands) -> Result<Audit> {
+fn read_audit(file: &Shard, manifest: &Manifest) -> Result<Audit> {
+    let part = &manifest.parts[0];
     file.expect_count(6)?;
     let count = file.len("audit.groups")?;
     if count == 0 || count * GROUP > MAX_TILE_ROWS {
         return Err(file.error(format!("expected 1 to {} sample groups, found {count}", MAX_TILE_ROWS / GROUP)));
     }
     let groups: Slab<u32> = file.slab("audit.groups", &[count])?;
-    let all = manifest.rows.div_ceil(GROUP);
+    let all = part.rows.div_ceil(GROUP);
     if groups.windows(2).any(|pair| pair[0] >= pair[1]) || groups[count - 1] as usize >= all {
         return Err(file.error(format!("expected ascending group numbers below {all}")));
     }
-    let tile = read_tile(file, "audit", count * GROUP, manifest.quantum, Width::I16, bands)?;
+    let tile = read_tile(file, "audit", count * GROUP, part, Width::I16)?;
     Ok(Audit { groups, tile })
 }

@@ -4,21 +4,25 @@ use std::path::Path;
 
 use rayon::prelude::*;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 
-use super::manifest::TILES_PER_SHARD;
+use super::manifest::{TILES_PER_SHARD, width_name};
 use super::open::Opened;
-use super::writer::{Description, Writer};
+use super::writer::{Description, Part, Writer};
 use crate::transport::matrix::TransportMatrix;
+use crate::transport::product::Link;
 use crate::transport::survey::Survey;
 use crate::transport::truncate::Truncation;
 
+/// What the one part of a rewritten transport is called.
+const PART: &str = "direct";
+
 /// The energies of all groups of a matrix; tile by tile, merged in order.
 pub fn survey(matrix: &TransportMatrix, rule: &Truncation) -> Result<Survey> {
-    let empty = Survey::new(&matrix.bands, rule.quantum, rule.width)?;
+    let empty = Survey::new(&matrix.bands, rule);
     let parts = matrix.tiles.par_iter().map(|tile| {
         let mut part = empty.clone();
-        tile.for_each_group(matrix.bands.columns(), matrix.quantum, |_, lanes| part.add(lanes, &matrix.bands))?;
+        tile.for_each_group(matrix.bands.columns(), matrix.quantum, |_, planes| part.add(planes))?;
         Ok(part)
     });
     let mut all = empty.clone();
@@ -27,6 +31,8 @@ pub fn survey(matrix: &TransportMatrix, rule: &Truncation) -> Result<Survey> {
 }
 
 /// Writes a stored matrix under a coarser rule as a transport of its own; what was finished before is not done again.
+///
+/// Refuses transports of several parts: one rule cannot serve them all.
 pub fn rewrite(
     stored: &Opened,
     path: &Path,
@@ -34,25 +40,39 @@ pub fn rewrite(
     plan: String,
     step: impl Fn(usize) -> Result<()> + Sync,
 ) -> Result<()> {
-    let Opened { manifest, matrix, receivers, audit } = stored;
-    let job = format!("{{\"truncation\": \"{rule:?}\", \"of\": {:?}, \"plan\": {plan:?}}}", manifest.files);
+    let Opened { manifest, product, receivers, audit } = stored;
+    let matrix = product.alone().ok_or_else(|| {
+        let count = manifest.parts.len();
+        Error::input(format!("expected a transport of one part to truncate, got one of {count}"))
+    })?;
+    let (threshold, width) = (rule.threshold, width_name(rule.width));
+    let job = format!(
+        "{{\"threshold\": {threshold:e}, \"quantum\": {}, \"width\": {width:?}, \"of\": {:?}, \"plan\": {plan:?}}}",
+        rule.quantum, manifest.files
+    );
+    let part = Part {
+        name: PART.to_owned(),
+        space: matrix.space,
+        rows: matrix.rows,
+        channels: matrix.channels,
+        quantum: rule.quantum,
+        width: rule.width,
+        tile_rows: matrix.tile_rows,
+    };
     let mut writer = Writer::open(path, &job)?;
-    let finished = writer.finished();
+    let finished = writer.finished(PART);
     for (shard, tiles) in matrix.tiles.chunks(TILES_PER_SHARD).enumerate() {
         if !finished.contains(&shard) {
             let tiles = tiles.par_iter().map(|tile| tile.retruncate(&matrix.bands, matrix.quantum, rule));
-            writer.write_shard(shard, &tiles.collect::<Result<Vec<_>>>()?)?;
+            writer.write_shard(PART, shard, &tiles.collect::<Result<Vec<_>>>()?)?;
         }
         step(tiles.len())?;
     }
     let about = Description {
-        space: matrix.space,
-        rows: matrix.rows,
-        quantum: rule.quantum,
-        width: rule.width,
-        tile_rows: matrix.tile_rows,
-        image: manifest.image,
-        camera: manifest.camera.get().to_owned(),
+        parts: vec![part],
+        first: 1,
+        link: Link::None,
+        camera: manifest.receivers.camera.as_ref().map(|camera| camera.get().to_owned()),
         plan,
         scene: manifest.scene.clone(),
     };

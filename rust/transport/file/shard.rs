@@ -29,6 +29,12 @@ pub trait Element: bytemuck::Pod + Send + Sync {
 impl Element for u32 {
     const DTYPE: Dtype = Dtype::U32;
 }
+impl Element for f64 {
+    const DTYPE: Dtype = Dtype::F64;
+}
+impl Element for u8 {
+    const DTYPE: Dtype = Dtype::U8;
+}
 impl Element for f32 {
     const DTYPE: Dtype = Dtype::F32;
 }

@@ -14,15 +14,17 @@ use serde_json::value::RawValue;
 use crate::basis::ColumnSpace;
 use crate::error::{Error, Result};
 
+use super::link;
 use super::manifest::{
-    AUDIT, FORMAT, FileEntry, MAJOR, MANIFEST, MINOR, Manifest, RECEIVERS, TILES_PER_SHARD, read_small, shard_name,
-    width_name,
+    AUDIT, FORMAT, FileEntry, LINK, MAJOR, MANIFEST, MINOR, Manifest, PartEntry, RECEIVERS, ReceiversEntry,
+    TILES_PER_SHARD, is_part_name, read_small, shard_name, width_name,
 };
 use super::open::{self, Audit};
 use super::receivers;
 use super::shard::{Tensor, is_intact, sync_directory, write_file, write_tensors};
-use crate::transport::entry::{GROUP, Width};
-use crate::transport::receivers::ReceiverTable;
+use crate::transport::entry::{Channels, GROUP, Width};
+use crate::transport::product::Link;
+use crate::transport::receivers::{ReceiverKind, ReceiverTable};
 use crate::transport::tile::{Tile, Values};
 
 const JOB: &str = "job.json";
@@ -30,18 +32,29 @@ const LOCK: &str = "lock";
 /// A job is a page of text.
 const MAX_JOB: u64 = 16 << 20;
 
-/// What the manifest says that the tiles do not.
+/// One matrix of a transport, before its tiles are there.
 #[derive(Clone, Debug)]
-pub struct Description {
+pub struct Part {
+    /// Of lower-case letters, digits and underscores.
+    pub name: String,
     pub space: ColumnSpace,
     pub rows: usize,
+    pub channels: Channels,
     pub quantum: i32,
     pub width: Width,
     pub tile_rows: usize,
-    /// [height, width]
-    pub image: [usize; 2],
-    /// JSON objects, opaque here.
-    pub camera: String,
+}
+
+/// What the manifest says that the tiles and the receivers do not.
+#[derive(Clone)]
+pub struct Description {
+    /// In the order of the chain.
+    pub parts: Vec<Part>,
+    /// How many of them are the first stage.
+    pub first: usize,
+    pub link: Link,
+    /// JSON objects, opaque here; a camera where the receivers are its pixels.
+    pub camera: Option<String>,
     pub plan: String,
     pub scene: String,
 }
@@ -52,7 +65,8 @@ pub struct Writer {
     partial: PathBuf,
     /// Held until the writer goes: no second run writes here.
     _lock: File,
-    shards: BTreeMap<usize, FileEntry>,
+    /// By part and number.
+    shards: BTreeMap<(String, usize), FileEntry>,
 }
 
 impl Writer {
@@ -82,39 +96,51 @@ impl Writer {
         Ok(Writer { target, partial, _lock: lock, shards })
     }
 
-    /// Numbers of the shards that are there and intact, ascending.
-    pub fn finished(&self) -> Vec<usize> {
-        self.shards.keys().copied().collect()
+    /// Numbers of the shards of a part that are there and intact, ascending.
+    pub fn finished(&self, part: &str) -> Vec<usize> {
+        self.shards.keys().filter(|(name, _)| name == part).map(|&(_, shard)| shard).collect()
     }
 
     pub fn target(&self) -> &Path {
         &self.target
     }
 
-    /// Writes tiles `4 shard ..` of M; returns the bytes written. A shard that exists is replaced.
-    pub fn write_shard(&mut self, shard: usize, tiles: &[Tile]) -> Result<u64> {
+    /// Writes tiles `4 shard ..` of a part; returns the bytes written. A shard that exists is replaced.
+    pub fn write_shard(&mut self, part: &str, shard: usize, tiles: &[Tile]) -> Result<u64> {
+        if !is_part_name(part) {
+            return Err(Error::input(format!("expected the name of a part, of a-z, 0-9 and _, got {part:?}")));
+        }
         if tiles.is_empty() || tiles.len() > TILES_PER_SHARD {
             return Err(Error::input(format!("expected 1 to {TILES_PER_SHARD} tiles, got {}", tiles.len())));
         }
         let numbered = tiles.iter().enumerate();
         let tensors = numbered.flat_map(|(k, tile)| tensors(&format!("{:05}", shard * TILES_PER_SHARD + k), tile));
-        let entry = write_tensors(&self.partial, &shard_name(shard), tensors.collect())?;
+        let entry = write_tensors(&self.partial, &shard_name(part, shard), tensors.collect())?;
         let record = serde_json::to_vec(&entry).map_err(|error| Error::input(error.to_string()))?;
-        write_file(&self.partial, &record_name(shard), std::iter::once(&record[..]))?;
+        write_file(&self.partial, &record_name(part, shard), std::iter::once(&record[..]))?;
         let bytes = entry.bytes;
-        self.shards.insert(shard, entry);
+        self.shards.insert((part.to_owned(), shard), entry);
         Ok(bytes)
     }
 
-    /// Completes the run: receivers, audit, manifest, a full check of everything as a reader would see it, and
+    /// Completes the run: receivers, link, audit, manifest, a full check of everything as a reader would see it, and
     /// publication.
     pub fn finish(self, about: &Description, table: &ReceiverTable, audit: Option<&Audit>) -> Result<()> {
-        let mut manifest = about.manifest(self.shards.values().cloned().collect())?;
-        let expected = manifest.shards();
-        if let Some(missing) = (0..expected).find(|shard| !self.shards.contains_key(shard)) {
-            return Err(Error::input(format!("expected {expected} shards, but shard {missing} was not written")));
+        table.check(about.receiving_rows()?).map_err(Error::Input)?;
+        let mut manifest = about.manifest(table)?;
+        for part in &manifest.parts {
+            for shard in 0..part.shards() {
+                let entry = self.shards.get(&(part.name.clone(), shard)).ok_or_else(|| {
+                    let (name, count) = (&part.name, part.shards());
+                    Error::input(format!("expected {count} shards of {name}, but shard {shard} was not written"))
+                })?;
+                manifest.files.push(entry.clone());
+            }
         }
-        manifest.files.push(write_tensors(&self.partial, RECEIVERS, receivers::tensors(table, about.image))?);
+        manifest.files.push(write_tensors(&self.partial, RECEIVERS, receivers::tensors(table))?);
+        if let Some(arrays) = link::tensors(&about.link) {
+            manifest.files.push(write_tensors(&self.partial, LINK, arrays)?);
+        }
         if let Some(audit) = audit {
             let mut all = tensors("audit", &audit.tile);
             all.push(Tensor::new("audit.groups", &[audit.groups.len()], &audit.groups));
@@ -129,27 +155,54 @@ impl Writer {
     }
 }
 
+impl Part {
+    fn entry(&self) -> PartEntry {
+        PartEntry {
+            name: self.name.clone(),
+            columns: self.space.to_string(),
+            rows: self.rows,
+            channels: self.channels.count(),
+            quantum: self.quantum,
+            width: width_name(self.width).to_owned(),
+            tile_rows: self.tile_rows,
+        }
+    }
+}
+
 impl Description {
-    fn manifest(&self, files: Vec<FileEntry>) -> Result<Manifest> {
+    /// Rows of the part whose rows are the receivers.
+    pub fn receiving_rows(&self) -> Result<usize> {
+        let last = if self.parts.len() > self.first { self.first } else { 0 };
+        self.parts.get(last).map(|part| part.rows).ok_or_else(|| Error::input("expected at least one part, got none"))
+    }
+
+    /// The manifest without its files.
+    fn manifest(&self, table: &ReceiverTable) -> Result<Manifest> {
         let raw = |what: &str, text: &str| {
             RawValue::from_string(text.to_owned())
                 .map_err(|error| Error::input(format!("expected {what} as JSON text: {error}")))
         };
+        let image = match &table.kind {
+            ReceiverKind::Pixels { image, .. } => Some(*image),
+            ReceiverKind::Vertices { .. } | ReceiverKind::Gather { .. } => None,
+        };
+        let parts: Vec<PartEntry> = self.parts.iter().map(Part::entry).collect();
+        parts.iter().try_for_each(PartEntry::check)?;
+        let names: Vec<String> = parts.iter().map(|part| part.name.clone()).collect();
         Ok(Manifest {
             format: FORMAT.to_owned(),
             version: [MAJOR, MINOR],
-            columns: self.space.to_string(),
-            rows: self.rows,
-            channels: 1,
-            quantum: self.quantum,
-            width: width_name(self.width).to_owned(),
-            tile_rows: self.tile_rows,
+            parts,
+            chain: link::entry(&names, self.first, &self.link),
             tiles_per_shard: TILES_PER_SHARD,
-            image: self.image,
-            camera: raw("the camera", &self.camera)?,
+            receivers: ReceiversEntry {
+                kind: table.kind.name().to_owned(),
+                image,
+                camera: self.camera.as_ref().map(|camera| raw("the camera", camera)).transpose()?,
+            },
             plan: raw("the plan", &self.plan)?,
             scene: self.scene.clone(),
-            files,
+            files: Vec::new(),
         })
     }
 }
@@ -157,14 +210,19 @@ impl Description {
 /// The five arrays of a tile.
 fn tensors<'a>(name: &str, tile: &'a Tile) -> Vec<Tensor<'a>> {
     let entries = tile.words.len();
-    let norms = [tile.rows, tile.kept.len() / tile.rows.max(1)];
+    let bands = tile.kept.len() / (tile.rows * tile.channels.count()).max(1);
+    // Files of one channel have no axis for it.
+    let (norms, integers) = match tile.channels {
+        Channels::One => (vec![tile.rows, bands], vec![entries, GROUP]),
+        Channels::Three => (vec![tile.rows, bands, 3], vec![entries, 3, GROUP]),
+    };
     let values = format!("{name}.values");
     vec![
         Tensor::new(format!("{name}.starts"), &[tile.starts.len()], &tile.starts),
         Tensor::new(format!("{name}.words"), &[entries], &tile.words),
         match &tile.values {
-            Values::I8(items) => Tensor::new(values, &[entries, GROUP], items),
-            Values::I16(items) => Tensor::new(values, &[entries, GROUP], items),
+            Values::I8(items) => Tensor::new(values, &integers, items),
+            Values::I16(items) => Tensor::new(values, &integers, items),
         },
         Tensor::new(format!("{name}.kept"), &norms, &tile.kept),
         Tensor::new(format!("{name}.dropped"), &norms, &tile.dropped),
@@ -181,18 +239,24 @@ fn sibling(target: &Path, suffix: &str) -> Result<PathBuf> {
     Ok(target.with_file_name(name))
 }
 
-fn record_name(shard: usize) -> String {
-    format!("tiles-{shard:05}.json")
+fn record_name(part: &str, shard: usize) -> String {
+    format!("tiles-{part}-{shard:05}.json")
+}
+
+/// The part, number and ending in the name of a shard or of its record; the part is empty in version 1.
+fn parse_shard(name: &str) -> Option<(&str, usize, &str)> {
+    let (stem, ending) = name.strip_prefix("tiles-")?.split_once('.')?;
+    let (part, number) = stem.rsplit_once('-').unwrap_or(("", stem));
+    let known = (part.is_empty() || is_part_name(part)) && ["safetensors", "json"].contains(&ending);
+    let digits = number.len() >= 5 && number.bytes().all(|c| c.is_ascii_digit());
+    if known && digits { Some((part, number.parse().ok()?, ending)) } else { None }
 }
 
 /// Whether a name is one that this file writes. Nothing else is ever removed.
 fn is_ours(name: &str) -> bool {
-    let numbered = name.strip_prefix("tiles-").and_then(|rest| rest.split_once('.'));
-    [MANIFEST, RECEIVERS, AUDIT, JOB, LOCK].contains(&name)
+    [MANIFEST, RECEIVERS, LINK, AUDIT, JOB, LOCK].contains(&name)
         || name.starts_with(".tmp-")
-        || numbered.is_some_and(|(number, ending)| {
-            number.bytes().all(|c| c.is_ascii_digit()) && ["safetensors", "json"].contains(&ending)
-        })
+        || parse_shard(name).is_some()
 }
 
 /// The names in a directory; None where there is no directory.
@@ -246,21 +310,21 @@ fn lock(partial: &Path) -> Result<File> {
 }
 
 /// Shards whose record and file agree; what does not is removed, with whatever a killed run left half-written.
-fn finished_shards(partial: &Path) -> Result<BTreeMap<usize, FileEntry>> {
+fn finished_shards(partial: &Path) -> Result<BTreeMap<(String, usize), FileEntry>> {
     let mut shards = BTreeMap::new();
     for name in names(partial)?.unwrap_or_default() {
-        let number = name.strip_prefix("tiles-").and_then(|rest| rest.strip_suffix(".json"));
-        let Some(shard) = number.and_then(|number| number.parse::<usize>().ok()) else { continue };
+        let Some((part, shard, "json")) = parse_shard(&name) else { continue };
         let record = read_small(&partial.join(&name), 4096)?;
         if let Ok(entry) = serde_json::from_slice::<FileEntry>(&record)
-            && entry.name == shard_name(shard)
+            && entry.name == shard_name(part, shard)
             && is_intact(partial, &entry)
         {
-            shards.insert(shard, entry);
+            shards.insert((part.to_owned(), shard), entry);
         }
     }
     remove_ours(partial, |name| {
-        let known = shards.keys().any(|&shard| name == shard_name(shard) || name == record_name(shard));
+        let known =
+            shards.keys().any(|(part, shard)| name == shard_name(part, *shard) || name == record_name(part, *shard));
         !known && name != JOB && name != LOCK
     })?;
     Ok(shards)

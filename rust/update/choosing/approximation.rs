@@ -19,7 +19,7 @@
 //!     budget: Budget::Terms(30),
 //!     weights: bands.areas,
 //!     costs: Vec::new(),
-//!     channels: Colours::Joint,
+//!     colours: Colours::Joint,
 //! })?;
 //! let update = follow.step(&target)?;
 //! assert_eq!(update.terms.len(), 30);
@@ -36,7 +36,7 @@
 use crate::basis::Bands;
 use crate::error::{Error, Result};
 
-use crate::update::change::{Choice, Term, Update};
+use crate::update::change::{Applied, Choice, Update};
 
 use super::band_test;
 use super::candidates::{Candidates, Keys};
@@ -49,8 +49,7 @@ use super::select;
 pub struct Approximation {
     bands: Bands,
     settings: Settings,
-    /// V~. INVARIANT: finite, and where a term was sent equal to that frame's light bit for bit.
-    values: Vec<[f64; 3]>,
+    applied: Applied,
     keys: Keys,
 }
 
@@ -61,8 +60,7 @@ impl Approximation {
     /// Starts from no light at all.
     pub fn new(bands: Bands, settings: Settings) -> Result<Self> {
         settings.check(&bands)?;
-        let values = vec![[0.0; 3]; bands.columns()];
-        Ok(Approximation { bands, settings, values, keys: Keys::default() })
+        Ok(Approximation { applied: Applied::new(&bands), bands, settings, keys: Keys::default() })
     }
 
     /// Brings the values nearer to `target`, within the budget. An error leaves everything as it was.
@@ -71,37 +69,44 @@ impl Approximation {
         Ok(self.follow(target))
     }
 
+    /// `step`, where somebody else has chosen: the bands to reset, and the columns to send in the order of their worth, of
+    /// which as many are sent as the budget allows.
+    pub fn step_given(&mut self, target: &[[f64; 3]], resets: &[usize], columns: &[u32]) -> Result<Update> {
+        self.check(target)?;
+        self.follow_choice(target, resets, columns)
+    }
+
     /// `step`, for light that has been checked.
     pub(in crate::update) fn follow(&mut self, target: &[[f64; 3]]) -> Update {
         let choice = self.choose(target);
         self.send(target, choice)
     }
 
+    /// What there is to choose from.
+    fn look<'a>(&'a mut self, target: &'a [[f64; 3]]) -> (Candidates<'a>, &'a Settings) {
+        let Approximation { bands, settings, applied, keys } = self;
+        let values = applied.values();
+        keys.measure(settings.colours, &settings.weights, target, values);
+        let (settings, keys) = (&*settings, &*keys);
+        let Settings { colours, weights, costs, .. } = settings;
+        (Candidates { bands, colours: *colours, weights, costs, target, values, scratch: keys }, settings)
+    }
+
     /// `SetupBands()` of Fig. 6.1: the mode of every band and the list of its columns.
     fn choose(&mut self, target: &[[f64; 3]]) -> Choice {
-        let Approximation { bands, settings, values, keys } = self;
-        keys.measure(settings.channels, &settings.weights, target, values);
-        let candidates = Candidates {
-            bands,
-            channels: settings.channels,
-            weights: &settings.weights,
-            costs: &settings.costs,
-            target,
-            values,
-            scratch: keys,
-        };
-
+        let count = self.bands.count();
+        let (candidates, settings) = self.look(target);
         let budget = &settings.budget;
         let by_key = |anew: Vec<bool>, budget: &Budget| select::choose(&candidates, anew, budget);
         match settings.method {
-            Method::Full => by_key(vec![false; bands.count()], &Budget::Terms(usize::MAX)),
-            Method::Nonlinear => by_key(vec![true; bands.count()], budget),
+            Method::Full => by_key(vec![false; count], &Budget::Terms(usize::MAX)),
+            Method::Nonlinear => by_key(vec![true; count], budget),
             Method::Linear => select::first(&candidates, budget),
-            _ if budget.is_nothing() => Choice { anew: vec![false; bands.count()], sent: Vec::new() },
-            Method::Incremental => by_key(vec![false; bands.count()], budget),
+            _ if budget.is_nothing() => Choice { anew: vec![false; count], sent: Vec::new() },
+            Method::Incremental => by_key(vec![false; count], budget),
             Method::PerBand { test: BandTest::Simple, norm } => by_key(band_test::simple(&candidates, norm), budget),
             Method::PerBand { test: BandTest::Fixed { incremental }, .. } => {
-                by_key((0..bands.count()).map(|band| band >= incremental).collect(), budget)
+                by_key((0..count).map(|band| band >= incremental).collect(), budget)
             }
             Method::PerBand { test: BandTest::Dealer, norm } => band_test::deal(&candidates, budget, norm),
             Method::PerBand { test: BandTest::Exhaustive, norm } => band_test::exhaustive(&candidates, budget, norm),
@@ -109,43 +114,67 @@ impl Approximation {
         }
     }
 
-    /// Applies a choice to the values; lines 6 to 19 of Fig. 6.1 without the images.
+    /// Applies a choice to the values.
     fn send(&mut self, target: &[[f64; 3]], mut choice: Choice) -> Update {
-        let mut update = Update::default();
-        for band in (0..self.bands.count()).filter(|&band| choice.anew[band]) {
-            let held = &mut self.values[self.bands.range(band)];
-            if held.iter().any(|value| *value != [0.0; 3]) {
-                held.fill([0.0; 3]);
-                update.resets.push(band);
-            }
-        }
-
         // A few by their keys, and perhaps a band's in order: a stable sort merges such runs.
         choice.sent.sort();
-        update.terms.reserve_exact(choice.sent.len());
-        for candidate in choice.sent {
-            let column = candidate as usize / self.settings.channels.per_column();
-            if update.terms.last().is_none_or(|term| term.column as usize != column) {
-                update.terms.push(Term { column: column as u32, change: [0.0; 3] });
-            }
-            let term = update.terms.last_mut().expect("one was just pushed");
-            for colour in self.settings.channels.colours(candidate) {
-                term.change[colour] = target[column][colour] - self.values[column][colour];
-                self.values[column][colour] = target[column][colour];
+        let colours = self.settings.colours;
+        let column = |candidate: u32| (candidate as usize / colours.per_column(), colours.of(candidate));
+        self.applied.send(&self.bands, &choice.anew, choice.sent.into_iter().map(column), target)
+    }
+
+    /// `follow`, by the largest terms of the light within the budget, from black, whatever the method.
+    pub(in crate::update) fn follow_largest(&mut self, target: &[[f64; 3]]) -> Update {
+        let anew = vec![true; self.bands.count()];
+        let (candidates, settings) = self.look(target);
+        let choice = select::choose(&candidates, anew, &settings.budget);
+        self.send(target, choice)
+    }
+
+    /// `step_given`, for light that has been checked.
+    pub(in crate::update) fn follow_choice(
+        &mut self,
+        target: &[[f64; 3]],
+        resets: &[usize],
+        columns: &[u32],
+    ) -> Result<Update> {
+        let mut anew = vec![false; self.bands.count()];
+        for &band in resets {
+            let count = anew.len();
+            *anew
+                .get_mut(band)
+                .ok_or_else(|| Error::input(format!("expected bands below {count} to reset, got {band}")))? = true;
+        }
+        let mut first = vec![true; self.bands.columns()];
+        let mut order = Vec::with_capacity(columns.len());
+        for &column in columns {
+            let count = first.len();
+            let new = first
+                .get_mut(column as usize)
+                .ok_or_else(|| Error::input(format!("expected columns below {count} to send, got {column}")))?;
+            if std::mem::take(new) {
+                let per_column = self.settings.colours.per_column() as u32;
+                order.extend((0..per_column).map(|k| column * per_column + k));
             }
         }
-        update
+        let choice = self.within_budget(target, anew, order);
+        Ok(self.send(target, choice))
+    }
+
+    fn within_budget(&mut self, target: &[[f64; 3]], anew: Vec<bool>, order: Vec<u32>) -> Choice {
+        let (candidates, settings) = self.look(target);
+        select::ordered(&candidates, anew, &settings.budget, order)
     }
 
     /// V~: what has been applied so far.
     pub fn values(&self) -> &[[f64; 3]] {
-        &self.values
+        self.applied.values()
     }
 
     /// Starts again from `values`, exactly.
     pub fn set_values(&mut self, values: &[[f64; 3]]) -> Result<()> {
         check_coefficients(values, self.bands.columns())?;
-        self.values.copy_from_slice(values);
+        self.applied.set(&self.bands, values);
         Ok(())
     }
 
@@ -162,7 +191,7 @@ impl Approximation {
 
     /// Whether there is nothing left to send.
     pub fn is_converged(&self, target: &[[f64; 3]]) -> bool {
-        self.values == target
+        self.applied.values() == target
     }
 
     pub fn bands(&self) -> &Bands {

@@ -10,7 +10,7 @@ use super::method::{Colours, Norm};
 /// One frame's light against the values applied so far.
 pub(super) struct Candidates<'a> {
     pub bands: &'a Bands,
-    pub channels: Colours,
+    pub colours: Colours,
     pub weights: &'a [f64],
     /// One a column, or empty: then a column costs nothing.
     pub costs: &'a [f64],
@@ -42,29 +42,29 @@ fn key(weight: f64, magnitude: f64) -> f64 {
 
 impl Keys {
     /// Computes all keys in one pass over both vectors.
-    pub fn measure(&mut self, channels: Colours, weights: &[f64], target: &[[f64; 3]], values: &[[f64; 3]]) {
+    pub fn measure(&mut self, colours: Colours, weights: &[f64], target: &[[f64; 3]], values: &[[f64; 3]]) {
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has AVX2.
-            return unsafe { self.measure_avx2(channels, weights, target, values) };
+            return unsafe { self.measure_avx2(colours, weights, target, values) };
         }
-        self.measure_any(channels, weights, target, values);
+        self.measure_any(colours, weights, target, values);
     }
 
     /// The same code, compiled for four lanes: the same bits, since Rust never fuses or reorders.
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn measure_avx2(&mut self, channels: Colours, weights: &[f64], target: &[[f64; 3]], values: &[[f64; 3]]) {
-        self.measure_any(channels, weights, target, values);
+    fn measure_avx2(&mut self, colours: Colours, weights: &[f64], target: &[[f64; 3]], values: &[[f64; 3]]) {
+        self.measure_any(colours, weights, target, values);
     }
 
     #[inline(always)]
-    fn measure_any(&mut self, channels: Colours, weights: &[f64], target: &[[f64; 3]], values: &[[f64; 3]]) {
-        let count = target.len() * channels.per_column();
+    fn measure_any(&mut self, colours: Colours, weights: &[f64], target: &[[f64; 3]], values: &[[f64; 3]]) {
+        let count = target.len() * colours.per_column();
         self.incremental.resize(count, 0.0);
         self.anew.resize(count, 0.0);
         let light = weights.iter().zip(target.iter().zip(values));
-        match channels {
+        match colours {
             Colours::Joint => {
                 let keys = self.incremental.iter_mut().zip(&mut self.anew);
                 for ((incremental, anew), (&weight, (new, old))) in keys.zip(light) {
@@ -88,17 +88,17 @@ impl Keys {
 
 impl Candidates<'_> {
     pub fn candidates(&self) -> usize {
-        self.target.len() * self.channels.per_column()
+        self.target.len() * self.colours.per_column()
     }
 
     /// The candidates of a band.
     pub fn range(&self, band: usize) -> Range<usize> {
         let columns = self.bands.range(band);
-        columns.start * self.channels.per_column()..columns.end * self.channels.per_column()
+        columns.start * self.colours.per_column()..columns.end * self.colours.per_column()
     }
 
     pub fn band(&self, candidate: u32) -> usize {
-        self.bands.of(candidate as usize / self.channels.per_column())
+        self.bands.of(candidate as usize / self.colours.per_column())
     }
 
     /// The keys of a band's candidates if it is reset (`anew`) or not.
@@ -112,9 +112,9 @@ impl Candidates<'_> {
 
     /// What sending a candidate adds to the values, after the reset of its band where there is one.
     pub fn change(&self, candidate: u32, anew: bool) -> [f64; 3] {
-        let column = candidate as usize / self.channels.per_column();
+        let column = candidate as usize / self.colours.per_column();
         let mut change = [0.0; 3];
-        for colour in self.channels.colours(candidate) {
+        for colour in self.colours.of(candidate) {
             let old = if anew { 0.0 } else { self.values[column][colour] };
             change[colour] = self.target[column][colour] - old;
         }
@@ -123,13 +123,13 @@ impl Candidates<'_> {
 
     /// A candidate's share of its column's cost.
     pub fn cost(&self, candidate: u32) -> f64 {
-        let lanes = self.channels.per_column();
+        let lanes = self.colours.per_column();
         self.costs.get(candidate as usize / lanes).map_or(0.0, |cost| cost / lanes as f64)
     }
 
     /// Whether a candidate's column holds anything: a reset of its band has to take it out, and so to stream it.
     pub fn held(&self, candidate: u32) -> bool {
-        self.values[candidate as usize / self.channels.per_column()] != [0.0; 3]
+        self.values[candidate as usize / self.colours.per_column()] != [0.0; 3]
     }
 
     /// Whether a band holds anything.
@@ -153,7 +153,7 @@ impl Candidates<'_> {
         match norm {
             Norm::L1 => self.all_keys(anew)[candidate as usize],
             Norm::L2 => {
-                let weight = self.weights[candidate as usize / self.channels.per_column()];
+                let weight = self.weights[candidate as usize / self.colours.per_column()];
                 self.change(candidate, anew).iter().map(|change| (weight * change) * (weight * change)).sum()
             }
         }

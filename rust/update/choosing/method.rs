@@ -38,7 +38,7 @@ pub enum Colours {
 
 impl Colours {
     /// Candidates of a column.
-    pub(super) fn per_column(self) -> usize {
+    pub(in crate::update) fn per_column(self) -> usize {
         match self {
             Colours::Joint => 1,
             Colours::Separate => 3,
@@ -46,7 +46,7 @@ impl Colours {
     }
 
     /// The colours that a candidate changes.
-    pub(super) fn colours(self, candidate: u32) -> Range<usize> {
+    pub(in crate::update) fn of(self, candidate: u32) -> Range<usize> {
         match self {
             Colours::Joint => 0..3,
             Colours::Separate => {
@@ -103,7 +103,7 @@ pub struct Settings {
     pub weights: Vec<f64>,
     /// What sending a column costs, in the unit of `Budget::Cost`; empty if nothing is known of it.
     pub costs: Vec<f64>,
-    pub channels: Colours,
+    pub colours: Colours,
 }
 
 /// Weights and costs up to this limit neither overflow a key nor the square of one.

@@ -78,6 +78,19 @@ pub(super) fn choose(candidates: &Candidates, anew: Vec<bool>, budget: &Budget) 
     }
 }
 
+/// The candidates in an order that somebody else gives, as many as the budget allows.
+pub(super) fn ordered(candidates: &Candidates, anew: Vec<bool>, budget: &Budget, order: Vec<u32>) -> Choice {
+    let resets = Resets::within(candidates, anew, budget);
+    let lit = |&candidate: &u32| {
+        let anew = resets.anew[candidates.band(candidate)];
+        candidates.change(candidate, anew) != [0.0; 3] && !resets.pays(candidates, candidate)
+    };
+    let mut sent: Vec<u32> = order.into_iter().filter(lit).collect();
+    sent.truncate(prefix(candidates, &resets.anew, budget, resets.cost, &sent));
+    sent.extend(resets.paid(candidates));
+    Choice { anew: resets.anew, sent }
+}
+
 /// The first candidates from black, as many as the budget allows; those without light count, but need not be sent.
 pub(super) fn first(candidates: &Candidates, budget: &Budget) -> Choice {
     let anew = vec![true; candidates.bands.count()];

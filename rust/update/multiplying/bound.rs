@@ -17,9 +17,10 @@
 use rayon::prelude::*;
 
 use crate::basis::Bands;
+use crate::transport::entry::{Channels, bf16};
 use crate::transport::{Tile, TransportMatrix};
 
-use super::grid::{above, norm_of_squares, norm_value, squares};
+use super::grid::{above, norm_of_squares, squares};
 
 /// For each band and colour a norm of coefficients, never below the true one.
 pub type BandNorms = Vec<[f64; 3]>;
@@ -49,21 +50,40 @@ impl Measured {
     }
 }
 
+impl Measured {
+    /// V itself may be off by so much: so then may be what remains of it.
+    pub fn add(&mut self, unsure: &BandNorms) {
+        for norms in [&mut self.remaining, &mut self.light] {
+            for (norm, unsure) in norms.iter_mut().zip(unsure) {
+                norm.iter_mut().zip(unsure).for_each(|(norm, unsure)| *norm += unsure);
+            }
+        }
+    }
+}
+
 /// The largest norms of a row in each band, tile by tile: what the one number needs.
 pub struct Bound {
-    /// `[tile][band]`: of the stored rows, and of what was dropped.
+    channels: Channels,
+    /// `[tile][band][channel]`: of the stored rows, and of what was dropped.
     tiles: Vec<Vec<(f64, f64)>>,
 }
 
 impl Bound {
     pub fn new(matrix: &TransportMatrix) -> Bound {
-        let bands = matrix.bands.count();
-        let largest = |norms: &[u16], band: usize| {
-            norms.iter().skip(band).step_by(bands).map(|&norm| norm_value(norm)).fold(0.0, f64::max)
+        let a_row = matrix.bands.count() * matrix.channels.count();
+        let largest = |norms: &[u16], place: usize| {
+            norms.iter().skip(place).step_by(a_row).map(|&norm| f64::from(bf16(norm))).fold(0.0, f64::max)
         };
-        let tile =
-            |tile: &Tile| (0..bands).map(|band| (largest(&tile.kept, band), largest(&tile.dropped, band))).collect();
-        Bound { tiles: matrix.tiles.par_iter().map(tile).collect() }
+        let tile = |tile: &Tile| (0..a_row).map(|at| (largest(&tile.kept, at), largest(&tile.dropped, at))).collect();
+        Bound { channels: matrix.channels, tiles: matrix.tiles.par_iter().map(tile).collect() }
+    }
+
+    /// For each band the largest norm of a stored row, in any channel.
+    pub fn largest_rows(&self) -> Vec<f64> {
+        let channels = self.channels.count();
+        let bands = self.tiles.first().map_or(0, |tile| tile.len() / channels);
+        let of = |band: usize| self.tiles.iter().flat_map(move |tile| &tile[band * channels..(band + 1) * channels]);
+        (0..bands).map(|band| of(band).fold(0.0, |most, &(kept, _)| f64::max(most, kept))).collect()
     }
 
     /// No receiver's red, green or blue is further off than this.
@@ -72,7 +92,8 @@ impl Bound {
         for bands in &self.tiles {
             for (colour, largest) in largest.iter_mut().enumerate() {
                 let mut bound = 0.0;
-                for (band, &(kept, dropped)) in bands.iter().enumerate() {
+                let own = bands.iter().skip(self.channels.of(colour)).step_by(self.channels.count());
+                for (band, &(kept, dropped)) in own.enumerate() {
                     let (remaining, light) = (remaining[band][colour], light[band][colour]);
                     // What is shown is at most the response to |V| + |V - V~|.
                     bound += kept * remaining + dropped * light + ROUNDING * kept * (light + remaining);
@@ -84,27 +105,45 @@ impl Bound {
     }
 }
 
-/// The bound of every receiver for the picture `shown`, rows x 3, into `out` of the same form.
-pub fn bound_rows(matrix: &TransportMatrix, measured: &Measured, shown: &[f32], out: &mut [f32]) {
-    let Measured { remaining, light, .. } = measured;
-    debug_assert!(shown.len() == 3 * matrix.rows && out.len() == shown.len());
-    let bands = matrix.bands.count();
-    let rows = 3 * matrix.tile_rows.max(1);
-    matrix.tiles.par_iter().zip(shown.par_chunks(rows)).zip(out.par_chunks_mut(rows)).for_each(
-        |((tile, shown), out)| {
-            let norms = tile.kept.chunks_exact(bands).zip(tile.dropped.chunks_exact(bands));
-            for ((kept, dropped), (shown, out)) in norms.zip(shown.chunks_exact(3).zip(out.chunks_exact_mut(3))) {
-                for colour in 0..3 {
-                    let mut bound = ROUNDING * shown[colour].abs() as f64 + SMALLEST;
-                    for band in 0..bands {
-                        bound += norm_value(kept[band]) * remaining[band][colour];
-                        bound += norm_value(dropped[band]) * light[band][colour];
-                    }
-                    out[colour] = round_up(above(bound));
-                }
-            }
-        },
-    );
+/// The one number for several matrices whose responses are added with weights up to those given.
+pub fn largest_of_all<'a>(all: impl Iterator<Item = ((&'a Bound, &'a Measured), f64)>) -> [f64; 3] {
+    all.fold([0.0; 3], |sum, ((bound, measured), weight)| {
+        let largest = bound.largest(measured);
+        std::array::from_fn(|c| if weight == 1.0 { sum[c] + largest[c] } else { above(sum[c] + weight * largest[c]) })
+    })
+}
+
+/// The bound of every row, but for the rounding of what is shown.
+pub fn bound_rows(matrix: &TransportMatrix, Measured { remaining, light, .. }: &Measured) -> Vec<[f64; 3]> {
+    let (bands, channels) = (matrix.bands.count(), matrix.channels.count());
+    let of_row = |(kept, dropped): (&[u16], &[u16])| {
+        std::array::from_fn(|colour| {
+            let own = (0..bands).map(|band| (band, band * channels + matrix.channels.of(colour)));
+            own.fold(0.0, |bound, (band, at)| {
+                let bound = bound + f64::from(bf16(kept[at])) * remaining[band][colour];
+                bound + f64::from(bf16(dropped[at])) * light[band][colour]
+            })
+        })
+    };
+    let norms = |tile: &Tile| -> Vec<[f64; 3]> {
+        let a_row = bands * channels;
+        tile.kept.chunks_exact(a_row).zip(tile.dropped.chunks_exact(a_row)).map(of_row).collect()
+    };
+    matrix.tiles.par_iter().flat_map_iter(norms).collect()
+}
+
+/// The bound of every receiver for the picture `shown`, rows x 3, into `out` of the same form: `terms(row, add)` adds the
+/// bounds of the rows that a receiver's B is made of, each with its weight.
+pub fn finish_bounds(shown: &[f32], out: &mut [f32], terms: impl Fn(usize, &mut dyn FnMut([f64; 3], f64)) + Sync) {
+    debug_assert!(shown.len() == out.len());
+    let rows = out.par_chunks_exact_mut(3).zip(shown.par_chunks_exact(3)).enumerate();
+    rows.for_each(|(row, (out, shown))| {
+        let mut bound = [SMALLEST; 3];
+        terms(row, &mut |of: [f64; 3], weight: f64| (0..3).for_each(|c| bound[c] += weight * of[c]));
+        for colour in 0..3 {
+            out[colour] = round_up(above(bound[colour] + ROUNDING * f64::from(shown[colour].abs())));
+        }
+    });
 }
 
 /// The least f32 that is not below x.

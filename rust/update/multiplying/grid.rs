@@ -11,14 +11,23 @@
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::transport::TransportMatrix;
+use crate::transport::entry::{GROUP, MAX_SPAN, group_of, shift_of};
+use crate::transport::{Tile, TransportMatrix};
 
 /// Bits of an f64's significand.
 const SIGNIFICAND: i32 = 53;
 /// The finest and the coarsest spacing, far from where f64 itself ends.
 const SPACINGS: std::ops::RangeInclusive<i32> = -800..=800;
+/// Bits by which a follower's light may grow before its grid must be changed, which costs a whole product.
+pub(in crate::update) const HEADROOM: i32 = 6;
+/// A second stage's grid changes with the light's norm in steps of 2^4, and has room for what was and what is to be.
+const STEP_BITS: i32 = 2;
+const SECOND_HEADROOM: i32 = 3;
 /// Below so many bits of the light's norm the grid would be an approximation of its own.
 const FEWEST_BITS: i32 = 20;
+
+// What truncation stores is what a follower can multiply exactly.
+const _: () = assert!(SIGNIFICAND - HEADROOM - FEWEST_BITS == MAX_SPAN);
 
 /// Multiples of 2^exponent.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,11 +42,11 @@ impl Grid {
     ///
     /// `norm` is the largest norm of a colour. The grid follows its exponent, so a light times a power of two lies on
     /// the grid times that power. An update needs one bit of headroom beyond growth; a single product needs one.
-    pub fn for_light(norm: f64, rows: RowNorm, headroom: i32) -> Result<Grid> {
+    pub fn for_light(norm: f64, span: Span, headroom: i32) -> Result<Grid> {
         if !(norm.is_finite() && norm < power_of_two(*SPACINGS.end())) {
             return Err(Error::input(format!("light must be finite and of sane size, but its norm is {norm:e}")));
         }
-        let span = rows.exponent - rows.quantum;
+        let Span(span) = span;
         if SIGNIFICAND - headroom - span < FEWEST_BITS {
             return Err(Error::input(format!(
                 "exact sums need a transport whose rows span at most {} bits, but these span {span}",
@@ -47,6 +56,15 @@ impl Grid {
         let limit = exponent_above(norm) + headroom;
         let exponent = (limit + span - SIGNIFICAND).clamp(*SPACINGS.start(), *SPACINGS.end());
         Ok(Grid { exponent, limit: power_of_two(exponent - span + SIGNIFICAND) })
+    }
+
+    /// The grid of a second stage, whose light is the response of the first to a light of this norm: at most `gain` times
+    /// it. It depends on nothing but that norm, in steps of 2^4, so that a follower with any history and a fresh product
+    /// round alike.
+    pub fn for_second(norm: f64, gain: f64, span: Span) -> Result<Grid> {
+        let step = exponent_above(norm).div_euclid(1 << STEP_BITS) + 1;
+        let most = power_of_two((step << STEP_BITS).clamp(*SPACINGS.start(), *SPACINGS.end()));
+        Grid::for_light(gain * most, span, SECOND_HEADROOM)
     }
 
     /// Whether sums stay exact for coefficients whose norms, applied and new, add up to `norms`.
@@ -95,26 +113,43 @@ fn round_any(numbers: &[f64], units: f64, spacing: f64, rounded: &mut [f64]) {
     }
 }
 
-/// The largest norm of a row of M, as the grid needs it: at most 2^exponent, in units of 2^quantum.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct RowNorm {
-    pub exponent: i32,
-    pub quantum: i32,
+/// How many bits the rows of M span, from their unit to their norm: what the grid of the light follows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Span(pub i32);
+
+impl Span {
+    /// Of a whole matrix. Where its longest row spans no more than `MAX_SPAN` from the quantum, all rows are taken to span
+    /// as much; else their groups have units of their own (`transport/truncate.rs`), which are looked up.
+    pub fn of(matrix: &TransportMatrix) -> Span {
+        let longest = matrix.tiles.par_iter().map(|tile| matrix.row_squares(tile).fold(0.0, f64::max));
+        let span = exponent_of_row(longest.reduce(|| 0.0, f64::max), matrix.quantum) - matrix.quantum;
+        if span <= MAX_SPAN {
+            return Span(span);
+        }
+        let spans = matrix.tiles.par_iter().map(|tile| span_of_groups(matrix, tile));
+        Span(spans.reduce(|| MAX_SPAN, i32::max))
+    }
 }
 
-impl RowNorm {
-    pub fn of(matrix: &TransportMatrix) -> RowNorm {
-        let bands = matrix.bands.count();
-        let square = |row: &[u16]| row.iter().map(|&norm| norm_value(norm).powi(2)).sum::<f64>();
-        let largest = matrix
-            .tiles
-            .par_iter()
-            .map(|tile| tile.kept.chunks_exact(bands).map(square).fold(0.0, f64::max))
-            .reduce(|| 0.0, f64::max);
-        // A row that is not empty is no smaller than one unit.
-        let norm = above(largest.sqrt()).max(power_of_two(matrix.quantum));
-        RowNorm { exponent: exponent_above(norm), quantum: matrix.quantum }
+/// The least e with norm <= 2^e; a row that is not empty is no smaller than one unit.
+fn exponent_of_row(square: f64, quantum: i32) -> i32 {
+    exponent_above(above(square.sqrt()).max(power_of_two(quantum)))
+}
+
+/// The most bits that a group's longest row spans from the unit that the group's entries share.
+fn span_of_groups(matrix: &TransportMatrix, tile: &Tile) -> i32 {
+    let mut least = vec![i32::MAX; tile.groups()];
+    for &word in tile.words.iter() {
+        let least = &mut least[group_of(word)];
+        *least = shift_of(word).min(*least);
     }
+    let squares: Vec<f64> = matrix.row_squares(tile).collect();
+    let groups = squares.chunks(GROUP * matrix.channels.count()).zip(least).filter(|(_, least)| *least < i32::MAX);
+    let span = |(squares, least): (&[f64], i32)| {
+        let unit = matrix.quantum + least;
+        exponent_of_row(squares.iter().fold(0.0, |most, &square| most.max(square)), unit) - unit
+    };
+    groups.map(span).max().unwrap_or(0)
 }
 
 /// The largest norm of a colour, never below the true value; not finite where a coefficient is not.
@@ -180,13 +215,8 @@ fn add_squares(sums: &mut [[f64; LANES]; 3], light: &[f64; LANES], values: &[f64
 }
 
 /// Moves the result of a sum of up to 2^20 squares, and of a few steps more, above its true value.
-pub(super) fn above(x: f64) -> f64 {
+pub(in crate::update) fn above(x: f64) -> f64 {
     x * (1.0 + power_of_two(-30))
-}
-
-/// A stored norm (bfloat16).
-pub(super) fn norm_value(bits: u16) -> f64 {
-    f32::from_bits((bits as u32) << 16) as f64
 }
 
 /// The nearest integer, ties to even. Adding 1.5 * 2^52 leaves no bits below one; where processors have no rounding
@@ -206,7 +236,7 @@ fn exponent_above(x: f64) -> i32 {
 }
 
 /// 2^exponent, for exponents of normal numbers.
-pub(super) fn power_of_two(exponent: i32) -> f64 {
+pub(in crate::update) fn power_of_two(exponent: i32) -> f64 {
     debug_assert!((-1022..=1023).contains(&exponent));
     f64::from_bits(((exponent + 1023) as u64) << 52)
 }

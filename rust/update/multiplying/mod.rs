@@ -1,12 +1,14 @@
 //! Multiplying: it sees M and what changes of V; it does not ask why.
 
 pub mod bound;
+pub mod finish;
 pub mod grid;
 pub mod kernel;
 pub mod product;
 pub mod response;
 
-pub use bound::{BandNorms, Bound, Measured, bound_rows};
-pub use grid::{Grid, RowNorm, light_norm};
+pub use bound::{BandNorms, Bound, Measured, bound_rows, finish_bounds};
+pub use finish::Mix;
+pub use grid::{Grid, Span, light_norm};
 pub use product::{multiply, multiply_gridded};
 pub use response::Response;

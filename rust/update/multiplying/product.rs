@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use crate::error::{Error, Result};
 use crate::transport::{Tile, TransportMatrix};
 
-use super::grid::{Grid, RowNorm, light_norm, power_of_two};
+use super::grid::{Grid, Span, light_norm, power_of_two};
 use super::kernel::{Engine, Move, Scratch, Sums, Target, batches};
 
 /// Lights whose sums of a tile are held at once: they share the cache.
@@ -13,11 +13,11 @@ const TOGETHER: usize = 4;
 
 /// B = M V for each of `lights` (columns x 3 each), written one after the other into `out` (lights x rows x 3).
 ///
-/// `rows` is `RowNorm::of(matrix)`. Coefficients are rounded to the finest grid that is exact for each light (`Grid::for_light`); B is rounded once.
-pub fn multiply(matrix: &TransportMatrix, rows: RowNorm, lights: &[&[[f64; 3]]], out: &mut [f32]) -> Result<()> {
+/// `span` is `Span::of(matrix)`. Coefficients are rounded to the finest grid that is exact for each light (`Grid::for_light`); B is rounded once.
+pub fn multiply(matrix: &TransportMatrix, span: Span, lights: &[&[[f64; 3]]], out: &mut [f32]) -> Result<()> {
     let gridded = lights
         .iter()
-        .map(|light| Ok(Grid::for_light(light_norm(light), rows, 1)?.quantise_all(light)))
+        .map(|light| Ok(Grid::for_light(light_norm(light), span, 1)?.quantise_all(light)))
         .collect::<Result<Vec<_>>>()?;
     let gridded: Vec<&[[f64; 3]]> = gridded.iter().map(|light| &light[..]).collect();
     multiply_gridded(matrix, &gridded, Engine::Native, out)

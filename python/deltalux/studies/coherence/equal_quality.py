@@ -14,8 +14,8 @@ from ...light.motion import Motion
 from ...pages.plotting import logarithmic
 from ...pages.verdict import Verdict
 from ...progress import Progress
-from ...relight.comparison import relative_errors
 from ...relight.entrants import BI_30, PBI_30, PBI_100
+from ...relight.errors import relative_errors
 from ...transport.transport import Transport
 from ..case import Case, Light, follow, light_errors, lights
 from ..shape import Study

@@ -30,7 +30,8 @@ def run(case: Case, sheet: Sheet, progress: Progress) -> None:
     assert case.transport is not None
     frames = [case.motion.light(case.env, k) for k in range(case.motion.stop + 1)]
     skip = round(_WARM_UP * len(frames))
-    points = measure(case.transport, frames, candidates(_TERMS), skip, progress)
+    own = [Candidate("own", entrant.method.weight, entrant.method.terms, entrant) for entrant in case.own]
+    points = measure(case.transport, frames, [*candidates(_TERMS), *own], skip, progress)
     progress(1, 1)
 
     base = next(point for point in points if point.candidate == _BASE)
@@ -75,6 +76,10 @@ def _draw(case: Case, sheet: Sheet, points: Sequence[Point], base: Point) -> Non
                 x, y = [p.milliseconds for p in of], [100 * p.error for p in of]
                 look = {"color": FAMILIES[family], "marker": marker, "linestyle": style, "markersize": 4.5}
                 axes.plot(x, y, label=f"{family}, {weight}", linewidth=1.2, **look)
+        for point in points:
+            if point.candidate.own is not None:
+                look = {"color": FAMILIES["own"], "marker": "X", "linestyle": "none"}
+                axes.plot(point.milliseconds, 100 * point.error, label=str(point.candidate), **look)
         axes.axvline(base.milliseconds, color="#555555", linewidth=1)
         axes.axhline(100 * base.error, color="#555555", linewidth=1)
         axes.set(xlabel="Median frame (ms)", ylabel="Image: L2 error (%)")
@@ -106,4 +111,5 @@ STUDY = Study(
     run=run,
     scene_files=("equal-time.png", "equal-time.csv"),
     needs_scene=True,
+    takes_methods=True,
 )

@@ -41,21 +41,21 @@ Errors = dict[str, NDArray[np.float64]]
 
 def run(case: Case, sheet: Sheet, progress: Progress) -> None:
     """The curves at the speed asked for; the means at the papers' speeds and around."""
-    asked = abs(case.motion.rotate)
+    asked, rows = abs(case.motion.rotate), (*_ROWS, *case.own)
     speeds = sorted({*_SPEEDS, asked})
     found: dict[float, Errors] = {degrees: {} for degrees in speeds}
     for k, degrees in enumerate(speeds):
         frames = lights(case.env, replace(case.motion, rotate=copysign(degrees, case.motion.rotate)), case.columns)
-        for j, row in enumerate(_ROWS):
-            progress(k * len(_ROWS) + j, len(speeds) * len(_ROWS))
+        for j, row in enumerate(rows):
+            progress(k * len(rows) + j, len(speeds) * len(rows))
             found[degrees][row.name] = _errors(case.columns, row, frames)
     progress(1, 1)
 
     _draw(case, sheet, found[asked])
-    headings, lines = ("Rotation", *(row.name for row in _ROWS)), []
+    headings, lines = ("Rotation", *(row.name for row in rows)), []
     turning = slice(1, case.motion.stop + 1)
     for degrees in speeds:
-        means = (100 * found[degrees][row.name][turning, 0].mean() for row in _ROWS)
+        means = (100 * found[degrees][row.name][turning, 0].mean() for row in rows)
         lines.append((f"{degrees:g} degrees", *(f"{mean:.3g} %" for mean in means)))
     sheet.heading("Mean error while turning, by speed")
     sheet.text(f"Area-weighted L1 error of the light; each rotation takes {case.motion.frames} frames.")
@@ -83,7 +83,7 @@ def _draw(case: Case, sheet: Sheet, errors: Errors) -> None:
     )
     options = {"sharex": True, "height_ratios": (2.1, 1)}
     with sheet.plot("lighting-error.png", caption, 2, 1, (9.2, 7.0), **options) as (figure, (axes, tests)):
-        for row in (*_NWA, BI_30, PBI_30):
+        for row in (*_NWA, BI_30, PBI_30, *case.own):
             width = 2.4 if row is PBI_30 else 1.5
             style = styles.get(row.name, "-")
             _line(axes, errors[row.name], row.name, color=FAMILIES[row.family], linestyle=style, linewidth=width)
@@ -230,4 +230,5 @@ STUDY = Study(
     "scene is needed. Errors are relative to the light asked for, on orthonormal Haar coefficients.",
     run=run,
     light_files=("lighting-error.png", "lighting-error.csv"),
+    takes_methods=True,
 )

@@ -9,8 +9,8 @@ import numpy as np
 
 from ...light.environment import Environment
 from ...progress import Progress
-from ...relight.comparison import relative_errors
 from ...relight.entrants import EXACT, Entrant
+from ...relight.errors import relative_errors
 from ...relight.relighter import Relighter
 from ...transport.transport import Transport
 from ...update.methods import Incremental, Method, Nonlinear, PerBand
@@ -23,21 +23,26 @@ MAKERS: dict[str, Callable[..., Method]] = {"NWA": Nonlinear, "BI": Incremental,
 
 @dataclass(frozen=True)
 class Candidate:
-    """A method with a weight and a budget in terms; the exact product has none."""
+    """A method with a weight and a budget in terms; the exact product has none. Or one that is given as it is."""
 
     family: str
     weight: str
     terms: int | None
+    own: Entrant | None = None
 
     @property
     def row(self) -> Entrant:
         """As methods are listed elsewhere. NWA keeps nothing, so it need not start from an exact product."""
+        if self.own is not None:
+            return self.own
         if self.terms is None:
             return EXACT
         initial = None if self.family == "NWA" else "full"
         return Entrant(str(self), self.family, MAKERS[self.family](self.terms, weight=self.weight), initial)
 
     def __str__(self) -> str:
+        if self.own is not None:
+            return self.own.name
         return f"{self.family}-{self.terms} {self.weight}" if self.terms else self.family
 
 

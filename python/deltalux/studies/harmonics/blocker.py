@@ -28,7 +28,7 @@ from ...pages.plotting import percent
 from ...pages.verdict import Verdict
 from ...precomputation.run import precompute
 from ...progress import Progress
-from ...relight.comparison import relative_errors
+from ...relight.errors import relative_errors
 from ...scene.builtin.shapes import Model, box, quad
 from ...scene.scene import Scene
 from ...transport.transport import Transport

@@ -3,7 +3,8 @@
 use std::arch::x86_64::*;
 use std::ops::Range;
 
-use super::{Columns, Integer, Item, MARKED, Marks, Move, POWERS, Sorted, Spread, Sums, Target, portable};
+use super::columns::{Columns, Integer, Item, MARKED, Marks, Move, POWERS, Sorted, Spread, Sums, Target};
+use super::portable;
 use crate::transport::entry::{GROUP, GROUP_BITS};
 
 /// A group's sums in registers: `[colour][quarter]`.
@@ -20,15 +21,15 @@ pub(super) fn available() -> bool {
 /// # Safety
 /// `available()`.
 #[target_feature(enable = "avx2,fma,bmi1")]
-pub(super) unsafe fn walk_marked<T: Integer>(
-    columns: &Columns<'_, T>,
+pub(super) unsafe fn walk_marked<T: Integer, const C: usize>(
+    columns: &Columns<'_, T, C>,
     moves: &[Move],
     marks: &mut Marks,
     mut target: Target<'_>,
 ) {
     marks.set(columns, moves, |entry| {
         fetch(columns.words.as_ptr().wrapping_add(entry));
-        fetch(columns.lanes.as_ptr().wrapping_add(entry));
+        fetch(columns.entries.as_ptr().wrapping_add(entry));
     });
     for (group, sums) in target.sums.iter_mut().enumerate() {
         if target.afresh {
@@ -36,7 +37,7 @@ pub(super) unsafe fn walk_marked<T: Integer>(
         }
         let bits = std::mem::take(&mut marks.groups[group]);
         if bits != 0 {
-            add_marked(sums, columns.words, columns.lanes, &marks.changes, &mut marks.cursors, bits);
+            add_marked(sums, columns.words, columns.entries, &marks.changes, &mut marks.cursors, bits);
         }
         publish_to(&mut target.out, group, sums);
     }
@@ -45,8 +46,8 @@ pub(super) unsafe fn walk_marked<T: Integer>(
 /// # Safety
 /// `available()`.
 #[target_feature(enable = "avx2,fma,bmi1")]
-pub(super) unsafe fn walk_sorted<T: Integer>(
-    columns: &Columns<'_, T>,
+pub(super) unsafe fn walk_sorted<T: Integer, const C: usize>(
+    columns: &Columns<'_, T, C>,
     moves: &[Move],
     sorted: &mut Sorted,
     mut target: Target<'_>,
@@ -59,7 +60,7 @@ pub(super) unsafe fn walk_sorted<T: Integer>(
         }
         let items = sorted.group(group, &mut from);
         if !items.is_empty() {
-            add_sorted(sums, columns.words, columns.lanes, moves, &sorted.items, items);
+            add_sorted(sums, columns.words, columns.entries, moves, &sorted.items, items);
         }
         publish_to(&mut target.out, group, sums);
     }
@@ -96,10 +97,10 @@ fn store(sums: &mut Sums, registers: &Registers) {
 /// PERF: kept out of line, where its sixteen registers are its own; inlined, five of them were spilled.
 #[inline(never)]
 #[target_feature(enable = "avx2,fma,bmi1")]
-fn add_marked<T: Integer>(
+fn add_marked<T: Integer, const C: usize>(
     sums: &mut Sums,
     words: &[u16],
-    lanes: &[[T; GROUP]],
+    entries: &[[[T; GROUP]; C]],
     changes: &[Spread; MARKED],
     cursors: &mut [u32; MARKED],
     mut bits: u64,
@@ -113,8 +114,8 @@ fn add_marked<T: Integer>(
         let power = _mm256_set1_pd(POWERS[(words[entry] >> GROUP_BITS) as usize]);
         // SAFETY: a change is spread over four lanes.
         let change = [0, 1, 2].map(|k: usize| unsafe { _mm256_loadu_pd(changes[bit][k].as_ptr()) });
-        let lanes = &lanes[entry];
-        fetch((lanes as *const [T; GROUP]).wrapping_add(AHEAD));
+        let lanes = &entries[entry];
+        fetch((lanes as *const [[T; GROUP]; C]).wrapping_add(AHEAD));
         add_entry(&mut registers, lanes, change.map(|change| _mm256_mul_pd(change, power)));
     }
     store(sums, &registers);
@@ -123,10 +124,10 @@ fn add_marked<T: Integer>(
 /// Adds the entries `items[which]`; those that follow belong to the next groups, and are fetched.
 #[inline(never)]
 #[target_feature(enable = "avx2,fma,bmi1")]
-fn add_sorted<T: Integer>(
+fn add_sorted<T: Integer, const C: usize>(
     sums: &mut Sums,
     words: &[u16],
-    lanes: &[[T; GROUP]],
+    entries: &[[[T; GROUP]; C]],
     moves: &[Move],
     items: &[Item],
     which: Range<usize>,
@@ -135,26 +136,32 @@ fn add_sorted<T: Integer>(
     for k in which {
         let Item { entry, moved } = items[k];
         if let Some(later) = items.get(k + AHEAD) {
-            fetch(lanes.as_ptr().wrapping_add(later.entry as usize));
+            fetch(entries.as_ptr().wrapping_add(later.entry as usize));
         }
         let power = POWERS[(words[entry as usize] >> GROUP_BITS) as usize];
         let change = moves[moved as usize].change.map(|x| _mm256_set1_pd(x * power));
-        add_entry(&mut registers, &lanes[entry as usize], change);
+        add_entry(&mut registers, &entries[entry as usize], change);
     }
     store(sums, &registers);
 }
 
-/// Sixteen values times a change in three colours.
+/// Sixteen values, of one channel or of three, times a change in three colours.
 #[inline]
 #[target_feature(enable = "avx2,fma,bmi1")]
-fn add_entry<T: Integer>(registers: &mut Registers, lanes: &[T; GROUP], change: [__m256d; 3]) {
+fn add_entry<T: Integer, const C: usize>(registers: &mut Registers, lanes: &[[T; GROUP]; C], change: [__m256d; 3]) {
     let [red, green, blue] = registers;
     for (k, ((red, green), blue)) in red.iter_mut().zip(green).zip(blue).enumerate() {
         // SAFETY: the features are those of this function.
-        let values = unsafe { T::four(lanes, 4 * k) };
+        let values = unsafe { T::four(&lanes[0], 4 * k) };
+        // SAFETY: as above; one channel is loaded once and serves all colours.
+        let (second, third) = if C == 1 {
+            (values, values)
+        } else {
+            unsafe { (T::four(&lanes[1 % C], 4 * k), T::four(&lanes[2 % C], 4 * k)) }
+        };
         *red = _mm256_fmadd_pd(values, change[0], *red);
-        *green = _mm256_fmadd_pd(values, change[1], *green);
-        *blue = _mm256_fmadd_pd(values, change[2], *blue);
+        *green = _mm256_fmadd_pd(second, change[1], *green);
+        *blue = _mm256_fmadd_pd(third, change[2], *blue);
     }
 }
 

@@ -1,9 +1,14 @@
 //! The walk in plain Rust: for other processors, and the check of the vector code.
 
-use super::{Columns, Integer, Marks, Move, POWERS, Sorted, Sums, Target};
+use super::columns::{Columns, Integer, Marks, Move, POWERS, Sorted, Sums, Target};
 use crate::transport::entry::{GROUP, GROUP_BITS};
 
-pub(super) fn walk_marked<T: Integer>(columns: &Columns<'_, T>, moves: &[Move], marks: &mut Marks, target: Target<'_>) {
+pub(super) fn walk_marked<T: Integer, const C: usize>(
+    columns: &Columns<'_, T, C>,
+    moves: &[Move],
+    marks: &mut Marks,
+    target: Target<'_>,
+) {
     marks.set(columns, moves, |_| ());
     walk(target, |group, sums| {
         let mut bits = std::mem::take(&mut marks.groups[group]);
@@ -16,8 +21,8 @@ pub(super) fn walk_marked<T: Integer>(columns: &Columns<'_, T>, moves: &[Move], 
     });
 }
 
-pub(super) fn walk_sorted<T: Integer>(
-    columns: &Columns<'_, T>,
+pub(super) fn walk_sorted<T: Integer, const C: usize>(
+    columns: &Columns<'_, T, C>,
     moves: &[Move],
     sorted: &mut Sorted,
     target: Target<'_>,
@@ -43,10 +48,10 @@ fn walk(mut target: Target<'_>, mut add_group: impl FnMut(usize, &mut Sums)) {
     }
 }
 
-fn add<T: Integer>(sums: &mut Sums, columns: &Columns<'_, T>, moved: &Move, entry: usize) {
+fn add<T: Integer, const C: usize>(sums: &mut Sums, columns: &Columns<'_, T, C>, moved: &Move, entry: usize) {
     let power = POWERS[(columns.words[entry] >> GROUP_BITS) as usize];
-    for (sums, change) in sums.0.iter_mut().zip(moved.change) {
-        for (sum, &value) in sums.iter_mut().zip(&columns.lanes[entry]) {
+    for (colour, (sums, change)) in sums.0.iter_mut().zip(moved.change).enumerate() {
+        for (sum, &value) in sums.iter_mut().zip(&columns.entries[entry][colour % C]) {
             *sum += value.into() * (change * power);
         }
     }

@@ -13,10 +13,10 @@ from .._core import threads as used_threads
 from ..light.environment import Environment
 from ..light.motion import Motion
 from ..progress import Progress
-from ..relight.comparison import relative_errors
-from ..relight.entrants import Entrant
-from ..relight.relighter import Frame, Relighter
 from ..transport.transport import Transport
+from .entrants import Entrant
+from .errors import relative_errors
+from .relighter import Frame, Relighter
 
 __all__ = ["Record", "Replay", "Still", "hold_still", "replay", "time_frames"]
 

@@ -1,0 +1,78 @@
+"""What comes before a plan: the scene ready for rays, and the receivers that its camera shows."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from .._core import DirectPass
+from .._core import Scene as CoreScene
+from ..columns import Columns, parse
+from ..scene.scene import Scene
+from .quality import QUALITIES, Quality
+from .room import check_request
+
+__all__ = ["BUNDLE", "QUANTUM", "Prepared", "surveyed_bundles"]
+
+QUANTUM = -24
+"""Every value of M is an integer times 2^-24: below what an image can show, coarse enough for exact sums. (Groups with
+rows too long for that have units of their own.)"""
+BUNDLE = 64
+"""Rows that a pass makes together."""
+
+# Bundles that are looked at first, to choose the threshold for the stated error: one in twenty, but at least and at
+# most so many.
+_SURVEY = (8, 64)
+
+
+def surveyed_bundles(rows: int) -> int:
+    """How many bundles of so many rows are looked at to choose the threshold."""
+    return min(max(rows // (20 * BUNDLE), _SURVEY[0]), _SURVEY[1])
+
+
+class Prepared:
+    """A scene and a request, checked; the receivers are found, and nothing is written."""
+
+    clock: Callable[[], float] = staticmethod(time.perf_counter)
+
+    def __init__(self, scene: Scene, columns: Columns | str, quality: str, tolerance: float | None) -> None:
+        self.scene = scene
+        self.columns = parse(columns) if isinstance(columns, str) else columns
+        self.quality, self.settings = quality, _settings(quality, tolerance)
+        check_request(scene)
+        camera = scene.camera
+        right, up, forward = camera.basis()
+        core = CoreScene(scene.vertices, scene.triangles, scene.material)
+        self.rows = core.receivers(
+            position=tuple(camera.position),
+            right=tuple(right),
+            up=tuple(up),
+            forward=tuple(forward),
+            half_height=float(np.tan(np.radians(camera.vertical_fov) / 2)),
+            width=camera.width,
+            height=camera.height,
+            edges=self.settings.edges,
+        )
+        self.count = len(self.rows)
+        if self.count == 0:
+            raise ValueError(f"the camera sees nothing of {scene.name}: no pixel shows a surface")
+        self.direct = DirectPass(core, self.rows, columns=str(self.columns), edge_side=self.settings.edge_side)
+
+    @property
+    def bundles(self) -> int:
+        """Bundles of all rows."""
+        return -(-self.count // BUNDLE)
+
+
+def _settings(quality: str, tolerance: float | None) -> Quality:
+    if quality not in QUALITIES:
+        raise ValueError(f"expected a quality of {', '.join(QUALITIES)}, got {quality!r}")
+    chosen = QUALITIES[quality]
+    if tolerance is None:
+        return chosen
+    if not 0 <= tolerance < 1:
+        raise ValueError(f"expected a tolerance from 0 to 1 (0.01 is 1 % image error), got {tolerance}")
+    return replace(chosen, tolerance=float(tolerance))

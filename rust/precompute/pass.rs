@@ -1,0 +1,231 @@
+//! A pass makes rows of M, a bundle of neighbouring ones at a time; this is what all passes share: tiles, and the survey
+//! that comes before them.
+//!
+//! A pass is a function of (scene, settings, rows): any split over threads, machines or interrupted runs gives the same M.
+
+use std::ops::Range;
+use std::time::Instant;
+
+use rayon::prelude::*;
+
+use crate::basis::Bands;
+use crate::error::{Error, Result};
+use crate::transport::entry::Channels;
+use crate::transport::{CompressedGroup, GROUP, Rows16, Survey, Tile, Truncation, Width, compress_group};
+
+/// Rows that a pass makes together.
+pub const BUNDLE_ROWS: usize = 64;
+
+/// Groups of 16 rows that a transport keeps untruncated: 512 rows, more than the 299 that bound the 99th percentile of the
+/// error with 95 % confidence (0.99^299 = 0.0495).
+const AUDIT_GROUPS: usize = 32;
+
+/// At most one group in this many is kept: untruncated rows are some twenty times as long as the others.
+const AUDIT_SHARE: usize = 64;
+
+/// Rays that a pass has shot: what its time is measured against.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Rays {
+    /// To texel centres.
+    pub first: u64,
+    /// Of those, what met no surface.
+    pub open: u64,
+    /// Into texels that an edge runs through.
+    pub edge: u64,
+}
+
+impl Rays {
+    /// The sum of both.
+    pub fn plus(self, other: Rays) -> Rays {
+        Rays { first: self.first + other.first, open: self.open + other.open, edge: self.edge + other.edge }
+    }
+}
+
+/// What a pass makes: `factors` matrices of `rows` x `bands.columns()`, each of so many channels.
+#[derive(Clone, Debug)]
+pub struct Shape {
+    pub rows: usize,
+    pub bands: Bands,
+    pub channels: Channels,
+    pub factors: usize,
+}
+
+/// Takes 16 finished rows of a factor: `(factor, planes)`, columns x 16 for each channel. Groups of a factor come in order.
+pub type Take<'a> = dyn FnMut(usize, &[&[Rows16]]) -> Result<()> + 'a;
+
+/// Hears of every bundle's rows, and may stop the pass.
+pub type Advance<'a> = dyn Fn(u64) -> Result<()> + Sync + 'a;
+
+/// One deterministic piece of precomputation.
+pub trait Pass: Sync {
+    /// Room for one bundle, kept by each thread.
+    type Room: Send;
+
+    fn shape(&self) -> &Shape;
+
+    fn room(&self) -> Self::Room;
+
+    /// Makes the rows of one bundle (at most `BUNDLE_ROWS`) and hands over group after group.
+    fn bundle(&self, rows: Range<usize>, room: &mut Self::Room, take: &mut Take) -> Result<Rays>;
+}
+
+/// The tiles of some rows, one a factor, each truncated by its rule.
+pub fn tile<P: Pass>(
+    pass: &P,
+    rows: Range<usize>,
+    rules: &[Truncation],
+    advance: &Advance,
+) -> Result<(Vec<Tile>, Rays)> {
+    let Shape { rows: all, bands, channels, factors } = pass.shape();
+    if rows.is_empty() || rows.end > *all || rules.len() != *factors {
+        let (first, count) = (rows.start, rows.len());
+        return Err(Error::input(format!(
+            "expected a tile inside {all} rows and {factors} rules, got {count} rows from {first} and {} rules",
+            rules.len()
+        )));
+    }
+    let bundles: Vec<(Vec<Vec<CompressedGroup>>, Rays)> = rows
+        .clone()
+        .into_par_iter()
+        .step_by(BUNDLE_ROWS)
+        .map_init(
+            || pass.room(),
+            |room, start| {
+                let own = start..(start + BUNDLE_ROWS).min(rows.end);
+                let mut groups = vec![Vec::new(); *factors];
+                let rays = pass.bundle(own.clone(), room, &mut |factor, planes| {
+                    let mut out = CompressedGroup::default();
+                    compress_group(planes, bands, &rules[factor], &mut out)?;
+                    groups[factor].push(out);
+                    Ok(())
+                })?;
+                advance(own.len() as u64)?;
+                Ok((groups, rays))
+            },
+        )
+        .collect::<Result<_>>()?;
+
+    let mut rays = Rays::default();
+    let mut groups = vec![Vec::new(); *factors];
+    for (own, shot) in bundles {
+        rays = rays.plus(shot);
+        groups.iter_mut().zip(own).for_each(|(all, own)| all.extend(own));
+    }
+    let assemble = |(groups, rule): (&Vec<CompressedGroup>, &Truncation)| {
+        Tile::assemble(rows.len(), bands.columns(), *channels, rule.width, groups)
+    };
+    Ok((groups.iter().zip(rules).map(assemble).collect(), rays))
+}
+
+/// What a survey has seen of one factor.
+pub struct Surveyed {
+    /// How large entries are, from which a threshold follows.
+    pub survey: Survey,
+    /// Numbers, over all rows, of groups that are kept untruncated to measure truncation against; and a tile of them.
+    pub groups: Vec<u32>,
+    pub audit: Tile,
+}
+
+/// What one bundle of a survey has shown.
+struct Looked {
+    surveys: Vec<Survey>,
+    /// The first group of each factor, untruncated, and its number.
+    first: Vec<Option<CompressedGroup>>,
+    group: usize,
+    rays: Rays,
+}
+
+/// The k-th of `count` bundles that lie evenly spread over all rows.
+fn spread<P: Pass>(pass: &P, k: usize, count: usize) -> Range<usize> {
+    let total = pass.shape().rows;
+    let start = (2 * k + 1) * total.div_ceil(BUNDLE_ROWS) / (2 * count) * BUNDLE_ROWS;
+    start..(start + BUNDLE_ROWS).min(total)
+}
+
+/// Looks at evenly spread bundles before the pass, for each factor under its rule (the threshold aside); and the rays that
+/// it took. What it finds depends on nothing but the scene.
+pub fn survey<P: Pass>(
+    pass: &P,
+    bundles: usize,
+    rules: &[Truncation],
+    advance: &Advance,
+) -> Result<(Vec<Surveyed>, Rays)> {
+    let Shape { rows: total, bands, channels, factors } = pass.shape();
+    let count = bundles.min(total.div_ceil(BUNDLE_ROWS));
+    let lossless = rules.iter().map(|rule| rule.lossless(Width::I16)).collect::<Result<Vec<_>>>()?;
+    let empty: Vec<Survey> = rules.iter().map(|rule| Survey::new(bands, rule)).collect();
+    let looked: Vec<Looked> = (0..count)
+        .into_par_iter()
+        .map_init(
+            || pass.room(),
+            |room, k| {
+                let rows = spread(pass, k, count);
+                let (mut surveys, mut first) = (empty.clone(), vec![None; *factors]);
+                let rays = pass.bundle(rows.clone(), room, &mut |factor, planes| {
+                    surveys[factor].add(planes)?;
+                    if first[factor].is_none() {
+                        let mut group = CompressedGroup::default();
+                        compress_group(planes, bands, &lossless[factor], &mut group)?;
+                        first[factor] = Some(group);
+                    }
+                    Ok(())
+                })?;
+                advance(rows.len() as u64)?;
+                Ok(Looked { surveys, first, group: rows.start / GROUP, rays })
+            },
+        )
+        .collect::<Result<_>>()?;
+
+    let wanted = AUDIT_GROUPS.min(total / (GROUP * AUDIT_SHARE));
+    // A last group that is not full cannot stand among whole ones.
+    let kept: Vec<usize> = (0..looked.len())
+        .filter(|k| (k + 1) * wanted / looked.len() > k * wanted / looked.len())
+        .filter(|&k| (looked[k].group + 1) * GROUP <= *total)
+        .collect();
+    let of_factor = |(factor, mut survey): (usize, Survey)| {
+        looked.iter().for_each(|bundle| survey.merge(&bundle.surveys[factor]));
+        let audited: Vec<CompressedGroup> = kept.iter().filter_map(|&k| looked[k].first[factor].clone()).collect();
+        let audit = Tile::assemble(audited.len() * GROUP, bands.columns(), *channels, Width::I16, &audited);
+        Surveyed { survey, groups: kept.iter().map(|&k| looked[k].group as u32).collect(), audit }
+    };
+    let rays = looked.iter().fold(Rays::default(), |sum, bundle| sum.plus(bundle.rays));
+    Ok((empty.into_iter().enumerate().map(of_factor).collect(), rays))
+}
+
+/// What a probe has found.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Probed {
+    pub bundles: usize,
+    /// On all threads.
+    pub seconds: f64,
+    pub rays: Rays,
+}
+
+/// Makes evenly spread bundles, as the pass itself would, for about so many seconds: what time and bytes to expect of all
+/// of them. Rounds of bundles double until the time is up.
+pub fn probe<P: Pass>(pass: &P, seconds: f64, rules: &[Truncation], advance: &Advance) -> Result<Probed> {
+    let all = pass.shape().rows.div_ceil(BUNDLE_ROWS);
+    let mut count = rayon::current_num_threads().max(1);
+    let mut found = Probed::default();
+    while found.seconds < seconds && found.bundles < all {
+        let started = Instant::now();
+        let round = (0..count.min(all)).into_par_iter().map_init(
+            || pass.room(),
+            |room, k| {
+                let rows = spread(pass, k, count.min(all));
+                let mut group = CompressedGroup::default();
+                let rays = pass.bundle(rows, room, &mut |factor, planes| {
+                    compress_group(planes, &pass.shape().bands, &rules[factor], &mut group)
+                })?;
+                advance(0)?;
+                Ok(rays)
+            },
+        );
+        let round: Vec<Rays> = round.collect::<Result<_>>()?;
+        found.seconds += started.elapsed().as_secs_f64();
+        found.bundles += round.len();
+        found.rays = round.into_iter().fold(found.rays, Rays::plus);
+        count *= 2;
+    }
+    Ok(found)
+}

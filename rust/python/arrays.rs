@@ -1,0 +1,70 @@
+//! Between numpy and the core: arrays checked, borrowed or copied, and made.
+
+use bytemuck::cast_slice;
+use numpy::ndarray::Array2;
+use numpy::{
+    IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods,
+};
+use pyo3::prelude::*;
+
+use crate::error::{Error, Result};
+
+pub(super) fn not_contiguous() -> PyErr {
+    Error::input("expected a C-contiguous array").into()
+}
+
+/// Numbers as colours: the last axis has length 3.
+pub(super) fn colours(values: &[f32]) -> Result<Vec<[f32; 3]>> {
+    match values.as_chunks::<3>() {
+        (colours, []) => Ok(colours.to_vec()),
+        _ => Err(Error::input("expected an array whose last axis has length 3")),
+    }
+}
+
+/// The rows of a (columns, 3) array in C order.
+pub(super) fn coefficients<'a>(array: &'a PyReadonlyArray2<f64>) -> Result<&'a [[f64; 3]]> {
+    match array.as_slice() {
+        Ok(flat) if array.shape()[1] == 3 => Ok(cast_slice(flat)),
+        _ => Err(Error::input(format!(
+            "expected coefficients of shape (columns, 3) in C order, got shape {:?}",
+            array.shape()
+        ))),
+    }
+}
+
+/// Rows of equal length, one after the other, as an array.
+pub(super) fn rows<T: numpy::Element>(
+    py: Python<'_>,
+    shape: (usize, usize),
+    values: Vec<T>,
+) -> PyResult<Bound<'_, PyArray2<T>>> {
+    let array = Array2::from_shape_vec(shape, values);
+    Ok(array.map_err(|error| Error::input(error.to_string()))?.into_pyarray(py))
+}
+
+pub(super) fn table<'py>(py: Python<'py>, colours: Vec<[f64; 3]>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    rows(py, (colours.len(), 3), colours.into_flattened())
+}
+
+pub(super) fn rows_of<const N: usize>(py: Python<'_>, items: &[[f32; N]]) -> PyResult<Py<PyArray2<f32>>> {
+    Ok(PyArray1::from_slice(py, items.as_flattened()).reshape([items.len(), N])?.unbind())
+}
+
+pub(super) fn vectors<T: numpy::Element + Copy>(name: &str, array: &PyReadonlyArray2<'_, T>) -> Result<Vec<[T; 3]>> {
+    let array = array.as_array();
+    if array.ncols() != 3 {
+        return Err(Error::input(format!("expected {name} of shape (n, 3), got {:?}", array.shape())));
+    }
+    Ok(array.rows().into_iter().map(|row| [row[0], row[1], row[2]]).collect())
+}
+
+pub(super) fn to_vec<T: numpy::Element + Copy>(array: &PyReadonlyArray1<'_, T>) -> Vec<T> {
+    array.as_array().iter().copied().collect()
+}
+
+pub(super) fn to_vec_of_rows(name: &str, array: &PyReadonlyArray2<'_, f32>, rows: usize) -> Result<Vec<f32>> {
+    if array.shape() != [rows, 3] {
+        return Err(Error::input(format!("expected {name} of shape ({rows}, 3), got {:?}", array.shape())));
+    }
+    Ok(array.as_array().iter().copied().collect())
+}

@@ -1,0 +1,88 @@
+//! Weights by which receivers take from nodes: sparse, never negative, and few a row.
+//!
+//! ```text
+//!     B_x = T_x V + sum_n w_xn (I_n V)
+//! ```
+//!
+//! Nothing of it is incremental: it is summed whole and in this order in every frame, so that it is a function of exact
+//! sums, and B after any history is that of a fresh product.
+
+use crate::error::{Error, Result};
+
+use super::tile::Slab;
+
+/// `rows` x `nodes` weights, row by row: integers times 2^exponent.
+#[derive(Clone)]
+pub struct Weights {
+    /// Those of row x are `starts[x]..starts[x + 1]`.
+    starts: Slab<u32>,
+    nodes: Slab<u32>,
+    weights: Slab<u16>,
+    exponent: i32,
+}
+
+impl Weights {
+    /// Exponents far from where f64 ends.
+    const EXPONENTS: std::ops::RangeInclusive<i32> = -64..=16;
+
+    /// Refuses starts that do not ascend to the number of weights, and nodes from `node_count` on.
+    pub fn new(
+        starts: Slab<u32>,
+        nodes: Slab<u32>,
+        weights: Slab<u16>,
+        exponent: i32,
+        node_count: usize,
+    ) -> Result<Self> {
+        let ends = (starts.first().copied(), starts.last().map(|&last| last as usize));
+        if ends != (Some(0), Some(weights.len())) || starts.windows(2).any(|pair| pair[0] > pair[1]) {
+            let count = weights.len();
+            return Err(Error::input(format!("expected starts of rows that ascend from 0 to {count}, got {ends:?}")));
+        }
+        if nodes.len() != weights.len() {
+            let (nodes, weights) = (nodes.len(), weights.len());
+            return Err(Error::input(format!("expected a node for each of {weights} weights, got {nodes}")));
+        }
+        if let Some(node) = nodes.iter().find(|&&node| node as usize >= node_count) {
+            return Err(Error::input(format!("expected nodes below {node_count}, found {node}")));
+        }
+        if !Self::EXPONENTS.contains(&exponent) {
+            return Err(Error::input(format!("expected an exponent in {:?}, got {exponent}", Self::EXPONENTS)));
+        }
+        Ok(Weights { starts, nodes, weights, exponent })
+    }
+
+    pub fn rows(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    pub fn exponent(&self) -> i32 {
+        self.exponent
+    }
+
+    /// What one unit of weight is.
+    fn unit(&self) -> f64 {
+        f64::from(self.exponent).exp2()
+    }
+
+    /// The arrays, as they are stored.
+    pub fn arrays(&self) -> (&[u32], &[u32], &[u16]) {
+        (&self.starts, &self.nodes, &self.weights)
+    }
+
+    /// The nodes of a row and their weights.
+    pub fn row(&self, row: usize) -> impl Iterator<Item = (usize, f64)> {
+        let range = self.starts[row] as usize..self.starts[row + 1] as usize;
+        let unit = self.unit();
+        let pairs = self.nodes[range.clone()].iter().zip(&self.weights[range]);
+        pairs.map(move |(&node, &weight)| (node as usize, f64::from(weight) * unit))
+    }
+
+    /// The largest sum of a row.
+    pub fn largest_sum(&self) -> f64 {
+        (0..self.rows()).map(|row| self.row(row).map(|(_, weight)| weight).sum()).fold(0.0, f64::max)
+    }
+
+    pub fn nbytes(&self) -> usize {
+        4 * (self.starts.len() + self.nodes.len()) + 2 * self.weights.len()
+    }
+}

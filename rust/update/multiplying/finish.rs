@@ -1,0 +1,109 @@
+//! From exact sums to B: as they are, mixed by row, or with what nodes add. Each sums in a fixed order in f64 and rounds
+//! once, so that B is a function of the sums and nothing else.
+
+use rayon::prelude::*;
+
+use crate::error::{Error, Result};
+use crate::transport::{GROUP, TransportMatrix, Weights};
+
+use super::kernel::Sums;
+use super::response::Response;
+
+/// How the K responses of a receiver make one: rows x K weights.
+///
+/// Changing it changes no response: another view of a glossy scene, or another BRDF of a family, costs a mix.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mix {
+    factors: usize,
+    weights: Vec<f32>,
+    /// For each factor the largest magnitude of a weight.
+    largest: Vec<f64>,
+}
+
+impl Mix {
+    /// From finite weights, row by row.
+    pub fn new(weights: Vec<f32>, factors: usize) -> Result<Self> {
+        if factors == 0 || !weights.len().is_multiple_of(factors) {
+            let count = weights.len();
+            return Err(Error::input(format!("expected {factors} weights a row, got {count} in all")));
+        }
+        if let Some(weight) = weights.iter().find(|weight| !weight.is_finite()) {
+            return Err(Error::input(format!("expected finite weights, got {weight}")));
+        }
+        let of = |factor: usize| weights.iter().skip(factor).step_by(factors).map(|weight| f64::from(weight.abs()));
+        let largest = (0..factors).map(|factor| of(factor).fold(0.0, f64::max)).collect();
+        Ok(Mix { factors, weights, largest })
+    }
+
+    /// (rows, factors)
+    pub fn shape(&self) -> (usize, usize) {
+        (self.weights.len() / self.factors, self.factors)
+    }
+
+    /// For each factor the largest magnitude of a weight.
+    pub fn largest(&self) -> &[f64] {
+        &self.largest
+    }
+
+    /// The weights of a row.
+    pub fn row(&self, row: usize) -> &[f32] {
+        &self.weights[row * self.factors..(row + 1) * self.factors]
+    }
+
+    /// B_x = sum_k weight_xk B_k,x.
+    pub(in crate::update) fn write(&self, matrix: &TransportMatrix, responses: &[&Response], out: &mut [f32]) {
+        each_row(matrix, out, |tile, row, within| {
+            let mut sum = [0.0; 3];
+            for (response, &weight) in responses.iter().zip(self.row(row)) {
+                let lanes = &response.tiles()[tile][within / GROUP].0;
+                (0..3).for_each(|c| sum[c] += f64::from(weight) * lanes[c][within % GROUP]);
+            }
+            sum
+        });
+    }
+}
+
+/// B as it is.
+pub(in crate::update) fn write(matrix: &TransportMatrix, response: &Response, out: &mut [f32]) {
+    each_row(matrix, out, |tile, _, within| at(&response.tiles()[tile], within));
+}
+
+/// The nodes' response.
+#[derive(Clone, Copy)]
+pub(in crate::update) struct Node<'a> {
+    pub response: &'a Response,
+    pub tile_rows: usize,
+}
+
+/// B_x = B_x + sum_n w_xn B_n.
+pub(in crate::update) fn add_nodes(
+    matrix: &TransportMatrix,
+    receivers: &Response,
+    weights: &Weights,
+    nodes: Node,
+    out: &mut [f32],
+) {
+    each_row(matrix, out, |tile, row, within| {
+        let mut sum = at(&receivers.tiles()[tile], within);
+        for (node, weight) in weights.row(row) {
+            let value = at(&nodes.response.tiles()[node / nodes.tile_rows], node % nodes.tile_rows);
+            (0..3).for_each(|c| sum[c] += weight * value[c]);
+        }
+        sum
+    });
+}
+
+/// The sums of one row of a tile.
+fn at(groups: &[Sums], row: usize) -> [f64; 3] {
+    groups[row / GROUP].0.map(|lanes: [f64; GROUP]| lanes[row % GROUP])
+}
+
+/// Writes `sum(tile, row, row within the tile)` of every row, rounded once.
+fn each_row(matrix: &TransportMatrix, out: &mut [f32], sum: impl Fn(usize, usize, usize) -> [f64; 3] + Sync) {
+    out.par_chunks_mut(3 * matrix.tile_rows.max(1)).enumerate().for_each(|(tile, rows)| {
+        for (within, row) in rows.chunks_exact_mut(3).enumerate() {
+            let sum = sum(tile, tile * matrix.tile_rows + within, within);
+            row.iter_mut().zip(sum).for_each(|(value, sum)| *value = sum as f32);
+        }
+    });
+}
