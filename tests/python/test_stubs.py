@@ -6,9 +6,11 @@ import sys
 from pathlib import Path
 
 import deltalux
+import pytest
 from tools import needed
 
 
+@pytest.mark.slow
 def test_stubs_match_the_module(tmp_path):
     needed("mypy")
     command = [sys.executable, "-m", "mypy.stubtest", "deltalux._core"]
@@ -16,6 +18,7 @@ def test_stubs_match_the_module(tmp_path):
     assert checked.returncode == 0, checked.stdout + checked.stderr
 
 
+@pytest.mark.slow
 def test_columns_are_what_an_approximation_asks_for(tmp_path):
     """Pyright, which takes no `cached_property` for a property, once refused the README's kind of line."""
     needed("basedpyright")
