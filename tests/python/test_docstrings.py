@@ -22,6 +22,7 @@ import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass, is_dataclass
 from functools import cached_property
+from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Any
 
@@ -99,7 +100,7 @@ def members(path: str, owner: type) -> Iterator[Public]:
                 yield Public(f"{path}.{name}", thing, owner)
 
 
-# What a docstring says -------------------------------------------------------------------------------------------------
+# What a docstring says ------------------------------------------------------------------------------------------------
 
 
 def sections(doc: str) -> dict[str, list[str]]:
@@ -120,7 +121,7 @@ def entries(lines: list[str]) -> set[str]:
     return {name.strip().strip("*").strip("`") for head in heads for name in head.split(",")}
 
 
-# What a body does ------------------------------------------------------------------------------------------------------
+# What a body does -----------------------------------------------------------------------------------------------------
 
 
 def parameters(public: Public) -> list[str]:
@@ -245,6 +246,15 @@ def test_the_whole_face_is_walked():
     for name in ("Camera.framing", "Environment.rotated", "Haar.bands", "Relighter.step", "Scene.load"):
         assert f"deltalux.{name}" in names
     assert {"deltalux.light.sequences.sunrise", "deltalux.report.report", "deltalux.studies.study"} <= names
+
+
+def test_the_api_pages_show_the_whole_face():
+    page = Path(__file__).parents[2] / "python" / "docs" / "api.rst"
+    if not page.exists():
+        pytest.skip("needs the source tree")
+    shown = re.findall(r"^\.\. auto\w+:: deltalux\.([\w.]+)$", page.read_text(), flags=re.M)
+    assert {name for name in deltalux.__all__ if name != "__version__"} <= set(shown)
+    assert len(shown) == len(set(shown))
 
 
 def test_rooms_that_are_not_held_yet_are_rooms():

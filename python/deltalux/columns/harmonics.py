@@ -23,8 +23,8 @@ class SphericalHarmonics:
     """Real, orthonormal spherical harmonics of the degrees l = 0 to order - 1.
 
     The polar axis is +Z and there is no Condon-Shortley sign: Y_l^m is proportional to P_l^m(z) cos(m phi) for m >= 0
-    and to P_l^|m|(z) sin(|m| phi) for m < 0, phi = atan2(y, x); Y_1 is sqrt(3 / 4 pi) (y, z, x). Column l^2 + l + m is
-    Y_l^m, so that a lower order is the first columns of a higher one. In terms of scipy, with theta = acos(z):
+    and to ``P_l^|m|(z) sin(|m| phi)`` for m < 0, phi = atan2(y, x); Y_1 is sqrt(3 / 4 pi) (y, z, x). Column l^2 + l + m
+    is Y_l^m, so that a lower order is the first columns of a higher one. In terms of scipy, with theta = acos(z):
     (-1)^m sqrt(2) Re of ``sph_harm_y(l, m, theta, phi)`` for m > 0, that itself for m = 0, and (-1)^m sqrt(2) Im of
     ``sph_harm_y(l, -m, theta, phi)`` for m < 0.
 
