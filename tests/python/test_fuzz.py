@@ -132,3 +132,15 @@ def test_textures_are_bounded_together(monkeypatch):
     found.add_material((1, 0, 0), texture)
     with pytest.raises(ValueError, match="more than 100 pixels together"):
         found.add_material((1, 1, 1), texture.copy())
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs a pipe")
+def test_a_picture_outside_the_folder_is_not_opened(tmp_path):
+    """A material's picture was opened wherever it was: of a pipe, for ever."""
+    os.mkfifo(tmp_path / "pipe")
+    folder = tmp_path / "scene"
+    folder.mkdir()
+    (folder / "scene.obj").write_text("mtllib a.mtl\nusemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    (folder / "a.mtl").write_text("newmtl m\nKd 1 0 0\nmap_Kd ../pipe\n")
+    scene = Scene.load(folder / "scene.obj")
+    assert scene.counts["textures ignored"] == 1 and "../pipe cannot be read" in scene.warnings[0]
