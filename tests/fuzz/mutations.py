@@ -84,26 +84,30 @@ def harm_tree(tree: Any, rng: Random) -> Any:
             return Raw(rng.choice(VALUES))
         holder, at = rng.choice(found)
         value = holder[at]
-        kind = rng.randrange(8)
-        if kind <= 2 and isinstance(value, (int, float)):
-            near = (value + 1, value - 1, 2 * value, value // 2, -value, value + 16, value ^ 1 << rng.randrange(40)
-                    if type(value) is int else value / 3)  # fmt: skip
-            holder[at] = rng.choice((*near, *map(Raw, NUMBERS)))
-        elif kind <= 3:
+        kind = rng.choice(("number", "number", "number", "value", "drop", "again", "copy", "swap"))
+        if kind == "number" and isinstance(value, (int, float)):
+            holder[at] = rng.choice([*near(value), *map(Raw, NUMBERS)])
+        elif kind in ("number", "value"):
             holder[at] = Raw(rng.choice(NUMBERS + VALUES))
-        elif kind == 4:
+        elif kind == "drop":
             chosen = rng.choice(containers(tree))
             del chosen[rng.randrange(len(chosen))]
-        elif kind == 5:
+        elif kind == "again":
+            # Of an object, a key that is there twice.
             chosen = rng.choice(containers(tree))
             chosen.insert(rng.randrange(len(chosen) + 1), deepcopy(rng.choice(chosen)))
-        elif kind == 6:
-            other, there = rng.choice(found)
-            holder[at] = deepcopy(other[there])
         else:
             other, there = rng.choice(found)
-            holder[at], other[there] = deepcopy(other[there]), deepcopy(value)
+            holder[at], value = deepcopy(other[there]), deepcopy(value)
+            if kind == "swap":
+                other[there] = value
     return tree
+
+
+def near(value: float) -> list[float]:
+    """Numbers beside a number."""
+    flipped = [value ^ 1 << bit for bit in (0, 4, 16, 31)] if type(value) is int else [value / 3]
+    return [value + 1, value - 1, 2 * value, value // 2, -value, value + 16, *flipped]
 
 
 def harm_bytes(data: bytes, rng: Random, unit: int = 1) -> bytes:
