@@ -37,17 +37,19 @@ class Content:
     vertices: int = 0
     albedo: list[tuple[float, ...]] = field(default_factory=list)
     textures: list[np.ndarray | None] = field(default_factory=list)
-    texels: dict[int, int] = field(default_factory=dict)
-    """Of each texture, by its identity: materials share them."""
+    texels: int = 0
+    counted: set[int] = field(default_factory=set)
+    """Identities of the textures whose texels are in the sum: materials share them."""
     camera: Camera | None = None
     counts: Counter[str] = field(default_factory=Counter)
     warnings: list[str] = field(default_factory=list)
 
     def add_material(self, albedo: Any, texture: np.ndarray | None = None) -> int:
         """Append a material and return its index."""
-        if texture is not None:
-            self.texels[id(texture)] = texture.shape[0] * texture.shape[1]
-            if sum(self.texels.values()) > MOST_TEXELS:
+        if texture is not None and id(texture) not in self.counted:
+            self.counted.add(id(texture))
+            self.texels += texture.shape[0] * texture.shape[1]
+            if self.texels > MOST_TEXELS:
                 raise ValueError(f"the textures have more than {MOST_TEXELS} pixels together")
         self.albedo.append(tuple(float(value) for value in albedo[:3]))
         self.textures.append(texture)
