@@ -141,6 +141,8 @@ def child(
 ) -> None:
     """Opens file after file; `state` says which (and how many were taken), `tell` the fault that ended it."""
     warnings.simplefilter("ignore")
+    # However many processors there are: each thread's own reserves would count against the limit below.
+    dl.set_threads(2)
     seed, first, stop = numbers
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
