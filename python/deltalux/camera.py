@@ -69,9 +69,28 @@ class Camera:
     def framing(
         cls, points: npt.ArrayLike, *, vertical_fov: float = 40.0, width: int = 512, height: int = 512
     ) -> Camera:
-        """The camera that shows all `points` (n, 3) from a three-quarter view, slightly above.
+        """The camera that shows all points from a three-quarter view, slightly above.
 
         The distance is the smallest at which every point is inside the picture, and 8 % more for a margin.
+
+        Parameters
+        ----------
+        points : (n, 3) real
+            In scene units.
+        vertical_fov : float
+            Full vertical field of view in degrees, in (0, 180).
+        width, height : int
+            Pixels, 1 to 16384.
+
+        Returns
+        -------
+        Camera
+            It looks at the middle of the points' bounding box, +Y up.
+
+        Raises
+        ------
+        ValueError
+            If all points lie at one place, or a number is out of range.
         """
         points = np.asarray(points, dtype=np.float64).reshape(-1, 3)
         low, high = points.min(axis=0), points.max(axis=0)
@@ -93,11 +112,33 @@ class Camera:
         return replace(probe, position=as_vector(centre + distance * toward_eye), target=as_vector(centre))
 
     def resized(self, width: int, height: int) -> Camera:
-        """The same camera with another picture size; the vertical field of view stays."""
+        """The same camera with another picture size; the vertical field of view stays.
+
+        Parameters
+        ----------
+        width, height : int
+            Pixels, 1 to 16384.
+
+        Returns
+        -------
+        Camera
+            A new one.
+
+        Raises
+        ------
+        ValueError
+            If a size is out of range.
+        """
         return replace(self, width=width, height=height)
 
     def basis(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The orthonormal axes (right, up, forward) of the picture, each (3,) float64."""
+        """The orthonormal axes of the picture in the scene.
+
+        Returns
+        -------
+        right, up, forward : (3,) float64
+            Unit vectors; forward is away from the eye.
+        """
         forward = np.subtract(self.target, self.position)
         forward /= np.linalg.norm(forward)
         right = np.cross(forward, self.up)
@@ -105,7 +146,13 @@ class Camera:
         return right, np.cross(right, forward), forward
 
     def directions(self) -> np.ndarray:
-        """Unit directions through the pixel centres, (height, width, 3) float64, away from the eye."""
+        """Directions through the pixel centres.
+
+        Returns
+        -------
+        (height, width, 3) float64
+            Unit vectors away from the eye; row 0 is the top of the picture.
+        """
         right, up, forward = self.basis()
         tangent = math.tan(0.5 * math.radians(self.vertical_fov))
         x = tangent * (2.0 * np.arange(self.width) + 1.0 - self.width) / self.height

@@ -20,6 +20,8 @@ from ._core import FileError
 _MAX_MEGABYTES = 4096
 """The largest image that is read, decoded."""
 
+__all__ = ["auto_exposure", "load_image", "magnification", "save_image", "to_display"]
+
 _FORMATS = (".exr", ".hdr", ".png")
 
 
@@ -199,13 +201,37 @@ def _writable(target: Path, pixels: NDArray[Any]) -> NDArray[Any]:
 
 
 def auto_exposure(image: NDArray[np.float32]) -> float:
-    """Stops that bring the 97th percentile of what is lit to nine tenths of white."""
+    """The exposure that brings the 97th percentile of what is lit to nine tenths of white.
+
+    Parameters
+    ----------
+    image : (h, w, 3) float32
+        Linear radiance.
+
+    Returns
+    -------
+    float
+        In stops, for `to_display`; 0 where nothing is lit.
+    """
     lit = image.max(axis=-1)
     lit = lit[lit > 0]
     return float(np.log2(0.9 / np.percentile(lit, 97))) if lit.size else 0.0
 
 
 def magnification(difference: NDArray[np.float32], exposure: float) -> int:
-    """The power of two, up to 64, that makes a difference of two pictures plain to see."""
+    """The factor that makes a difference of two pictures plain to see.
+
+    Parameters
+    ----------
+    difference : (h, w, 3) float32
+        Of linear radiance.
+    exposure
+        In stops: how the pictures are shown.
+
+    Returns
+    -------
+    int
+        A power of two, 1 to 64.
+    """
     large = float(np.percentile(np.abs(difference).max(axis=-1), 99)) * 2.0**exposure
     return int(2 ** np.clip(np.round(np.log2(0.5 / large)), 0, 6)) if large > 0 else 64

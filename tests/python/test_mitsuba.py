@@ -18,9 +18,10 @@ import numpy as np
 import oracles
 import pytest
 from deltalux import _core
+from tools import missing, needed
 
-mi = pytest.importorskip("mitsuba")
-dr = pytest.importorskip("drjit")
+mi = needed("mitsuba")
+dr = needed("drjit")
 DATA = Path(__file__).parents[2] / "../shared/data/mesh"
 
 SIZE = 32
@@ -63,12 +64,12 @@ CASES = len(SCENES) * len(ENVIRONMENTS)
 
 @pytest.fixture(scope="module", autouse=True)
 def variant():
-    """Mitsuba's vectorised variant; the tests are skipped where its compiler is missing."""
+    """Mitsuba's vectorised variant, which needs a compiler: libLLVM of the system, or of Rust (`.ci/run` says how)."""
     try:
         mi.set_variant("llvm_ad_rgb")
         dr.eval(mi.Float(1) + 1)
     except Exception as error:
-        pytest.skip(f"no vectorised Mitsuba: {error}")
+        missing(f"no vectorised Mitsuba: {error}")
 
 
 @cache
@@ -109,8 +110,8 @@ def mitsuba_open(scene):
 
 
 def embree_open(scene):
-    rtcore_scene = pytest.importorskip("embreex.rtcore_scene")
-    mesh_construction = pytest.importorskip("embreex.mesh_construction")
+    rtcore_scene = needed("embreex.rtcore_scene")
+    mesh_construction = needed("embreex.mesh_construction")
     inside = rtcore_scene.EmbreeScene()
     mesh_construction.TriangleMesh(inside, scene.vertices[scene.triangles].astype(np.float32))
 

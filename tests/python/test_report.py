@@ -16,6 +16,9 @@ from deltalux.report.size_curve import size_curve
 from hypothesis import given
 from hypothesis import strategies as st
 
+# Most of them look at one demo, which takes seven seconds.
+pytestmark = pytest.mark.slow
+
 
 def rows_of(path):
     with open(path, newline="") as file:

@@ -394,7 +394,8 @@ def test_missing_files_and_folders(tmp_path):
 
 @pytest.mark.parametrize("kind", ["ply", "stl", "glb", "obj"])
 def test_what_trimesh_writes_comes_back(tmp_path, kind):
-    trimesh = pytest.importorskip("trimesh")
+    import trimesh
+
     ball = trimesh.creation.icosphere(subdivisions=2)
     path = tmp_path / f"ball.{kind}"
     ball.export(path)

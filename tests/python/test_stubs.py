@@ -7,18 +7,21 @@ from pathlib import Path
 
 import deltalux
 import pytest
+from tools import needed
 
 
+@pytest.mark.slow
 def test_stubs_match_the_module(tmp_path):
-    pytest.importorskip("mypy")
+    needed("mypy")
     command = [sys.executable, "-m", "mypy.stubtest", "deltalux._core"]
     checked = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=300)
     assert checked.returncode == 0, checked.stdout + checked.stderr
 
 
+@pytest.mark.slow
 def test_columns_are_what_an_approximation_asks_for(tmp_path):
     """Pyright, which takes no `cached_property` for a property, once refused the README's kind of line."""
-    pytest.importorskip("basedpyright")
+    needed("basedpyright")
     (tmp_path / "user.py").write_text(
         "import deltalux as dl\n"
         "dl.Approximation(dl.Haar(64), dl.PerBand(terms=30))\n"

@@ -36,8 +36,14 @@ def rows_of(path):
         return list(csv.DictReader(file))
 
 
+def named(names):
+    """Studies as parameters; three of them take their time."""
+    slow = {"phase-map", "harmonics", "blocker"}
+    return [pytest.param(name, marks=pytest.mark.slow) if name in slow else name for name in names]
+
+
 # One line for a new study: its name in STUDIES.
-@pytest.mark.parametrize("name", STUDIES)
+@pytest.mark.parametrize("name", named(STUDIES))
 def test_every_study_leaves_what_it_promises(cornell, tmp_path, name):
     chosen, folder = STUDIES[name], tmp_path / name
     transports = [cornell] if chosen.needs_scene or chosen.scene_files else []
@@ -71,7 +77,7 @@ def test_light_alone_needs_no_scene(tmp_path, name):
 
 
 @pytest.mark.parametrize("light", ["grey", "one texel"])
-@pytest.mark.parametrize("name", [name for name, chosen in STUDIES.items() if name != "blocker"])
+@pytest.mark.parametrize("name", named(name for name in STUDIES if name != "blocker"))
 def test_plain_and_extreme_lights(cornell, tmp_path, name, light):
     """A constant sky, of which nothing is left to send, and a sun of 1e5 in one texel."""
     faces = np.full((6, 8, 8, 3), float(light == "grey"))
@@ -110,6 +116,7 @@ def test_bad_requests_are_refused_before_anything_is_written(cornell, tmp_path):
     assert (out / "index.html").read_text() == "mine" and len(list(out.iterdir())) == 1
 
 
+@pytest.mark.slow
 def test_studies_from_the_command_line(tmp_path, capsys):
     out = tmp_path / "out"
     settings = ["--columns", "haar:8", "--frames", "8", "--hold", "2", "-o", str(out)]

@@ -84,6 +84,11 @@ class Haar:
     def coefficients(self, env: Environment) -> NDArray[np.float64]:
         """V: what the environment's radiance is in these columns.
 
+        Parameters
+        ----------
+        env
+            The light; averaged over the texels of the cubemap first.
+
         Returns
         -------
         (columns, 3) float64

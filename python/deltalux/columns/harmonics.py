@@ -23,8 +23,8 @@ class SphericalHarmonics:
     """Real, orthonormal spherical harmonics of the degrees l = 0 to order - 1.
 
     The polar axis is +Z and there is no Condon-Shortley sign: Y_l^m is proportional to P_l^m(z) cos(m phi) for m >= 0
-    and to P_l^|m|(z) sin(|m| phi) for m < 0, phi = atan2(y, x); Y_1 is sqrt(3 / 4 pi) (y, z, x). Column l^2 + l + m is
-    Y_l^m, so that a lower order is the first columns of a higher one. In terms of scipy, with theta = acos(z):
+    and to ``P_l^|m|(z) sin(|m| phi)`` for m < 0, phi = atan2(y, x); Y_1 is sqrt(3 / 4 pi) (y, z, x). Column l^2 + l + m
+    is Y_l^m, so that a lower order is the first columns of a higher one. In terms of scipy, with theta = acos(z):
     (-1)^m sqrt(2) Re of ``sph_harm_y(l, m, theta, phi)`` for m > 0, that itself for m = 0, and (-1)^m sqrt(2) Im of
     ``sph_harm_y(l, -m, theta, phi)`` for m < 0.
 
@@ -86,39 +86,113 @@ class SphericalHarmonics:
         return "Degree of a harmonic"
 
     def coefficients(self, env: Environment) -> NDArray[np.float64]:
-        """V: the integral over the sphere of the environment's radiance times each function, (columns, 3) float64.
+        """V: what the environment's radiance is in these columns.
 
         Each map of the environment is projected once, unrotated, as a cubemap with 64 x 64 texels a face; its rotation
         then turns the coefficients (Ivanic and Ruedenberg 1996), always those of the original.
+
+        Parameters
+        ----------
+        env
+            The light.
+
+        Returns
+        -------
+        (columns, 3) float64
+            The integral over the sphere of radiance times each function.
         """
         return env._harmonics(self.order)
 
     def project(self, cubemap: ArrayLike) -> NDArray[np.float64]:
-        """The coefficients of six faces (6, n, n, 3), n even, constant over each texel: (columns, 3) float64."""
+        """The coefficients of a cubemap that is constant over each texel.
+
+        Parameters
+        ----------
+        cubemap : (6, n, n, 3) real
+            Faces +X, -X, +Y, -Y, +Z, -Z in OpenGL's orientation; n is even.
+
+        Returns
+        -------
+        (columns, 3) float64
+            The integral over the sphere of the map times each function.
+
+        Raises
+        ------
+        ValueError
+            If the shape is wrong, or n is odd.
+        """
         faces = np.ascontiguousarray(cubemap, np.float32)
         if faces.ndim != 4 or faces.shape != (6, faces.shape[1], faces.shape[1], 3):
             raise ValueError(f"expected a cubemap of shape (6, n, n, 3), got {faces.shape}")
         return harmonic_projection(self.order, faces)
 
     def evaluate(self, directions: ArrayLike) -> NDArray[np.float64]:
-        """All functions in directions (..., 3) of any length: (..., columns) float64.
+        """All functions in directions; ``evaluate(directions) @ V`` is the light that the coefficients V describe.
 
-        ``evaluate(directions) @ V`` is the light that the coefficients V describe.
+        Parameters
+        ----------
+        directions : (..., 3) real
+            Of any length.
+
+        Returns
+        -------
+        (..., columns) float64
+            Y_l^m in column l^2 + l + m.
+
+        Raises
+        ------
+        ValueError
+            If the shape is wrong, or a direction is zero or not finite.
         """
         unit = unit_directions(directions)
         return harmonic_values(self.order, unit.reshape(-1, 3)).reshape(*unit.shape[:-1], self.columns)
 
     def rotated(self, V: ArrayLike, degrees: float, axis: str | ArrayLike = "y") -> NDArray[np.float64]:
-        """The coefficients (columns, 3) of the light turned about an axis, as `Environment.rotated` turns it.
+        """The coefficients of the light turned about an axis, as `Environment.rotated` turns it.
 
-        Turn the original coefficients by the whole angle every frame: turns of turns add up their rounding.
+        Turn the original coefficients by the whole angle every frame: turns of turns add up their rounding. (Ivanic and
+        Ruedenberg 1996, with the corrections of 1998.)
+
+        Parameters
+        ----------
+        V : (columns, 3) real
+            The light before.
+        degrees
+            Of the turn, by the right-hand rule.
+        axis
+            ``"x"``, ``"y"``, ``"z"`` or a 3-vector of any length.
+
+        Returns
+        -------
+        (columns, 3) float64
+            The light after.
+
+        Raises
+        ------
+        ValueError
+            If the shape is wrong, the angle is not finite, or the axis is none.
         """
         return harmonic_rotation(self._checked(V), rotation_matrix(degrees, axis).tolist())
 
     def windowed(self, V: ArrayLike, width: float | None = None) -> NDArray[np.float64]:
-        """The coefficients (columns, 3) under a Hanning window: degree l times cos^2(pi l / 2 width).
+        """The coefficients under a Hanning window, degree l times cos^2(pi l / 2 width): less ringing, less sharp.
 
-        Less ringing for less sharpness. `width` is in degrees l, by default the order; from it on all is 0.
+        Parameters
+        ----------
+        V : (columns, 3) real
+            The light.
+        width
+            In degrees l, from which on all is 0; by default the order.
+
+        Returns
+        -------
+        (columns, 3) float64
+            The light under the window.
+
+        Raises
+        ------
+        ValueError
+            If the shape is wrong, or the width is not a positive number.
         """
         return harmonic_window(self._checked(V), float(self.order if width is None else width))
 

@@ -12,7 +12,17 @@ Columns = Haar | SphericalHarmonics
 
 
 def parse(text: str) -> Columns:
-    """Reads what ``str(columns)`` writes, such as ``"haar:64"`` or ``"sh:20"``.
+    """Reads what ``str(columns)`` writes.
+
+    Parameters
+    ----------
+    text
+        Such as ``"haar:64"`` or ``"sh:20"``.
+
+    Returns
+    -------
+    Haar or SphericalHarmonics
+        The columns of this name.
 
     Raises
     ------

@@ -37,13 +37,22 @@ class Environment:
     Made by `load`, `builtin`, `from_latlong` or `from_cubemap`; `rotated`, `mixed` and `scaled` make new ones, which
     share the maps. Axes are right-handed with +Y up. Lat-long images have u = atan2(x, -z) / 2π and v = acos(y) / π
     (Mitsuba's and OpenEXR's convention); cubemaps have the faces +X, -X, +Y, -Y, +Z, -Z in OpenGL's orientation.
+
+    Attributes
+    ----------
+    name : str
+        Where the light comes from, for titles and reports.
+
+    Raises
+    ------
+    TypeError
+        If it is called: the functions above make one.
     """
 
     __slots__ = ("_layers", "name")
 
     _layers: tuple[_Layer, ...]
     name: str
-    """Where the light comes from, for titles and reports."""
 
     def __init__(self) -> None:
         raise TypeError("use Environment.load, .builtin, .from_latlong or .from_cubemap")
@@ -76,6 +85,11 @@ class Environment:
         repair
             ``"zero"`` turns NaN and infinite pixels black, with a warning that counts them.
 
+        Returns
+        -------
+        Environment
+            Its name is the file's.
+
         Raises
         ------
         FileNotFoundError, OSError
@@ -101,12 +115,45 @@ class Environment:
 
         ``"sky"`` is a clear sky with a sun of true size and radiance (its dynamic range is above 1e5), ``"studio"`` a
         few small bright lamps on black, ``"hall"`` an interior with tall windows and many lamps.
+
+        Parameters
+        ----------
+        name
+            ``"sky"``, ``"studio"`` or ``"hall"``.
+
+        Returns
+        -------
+        Environment
+            The same object for the same name.
+
+        Raises
+        ------
+        ValueError
+            If there is no such light.
         """
         return _builtin(name)
 
     @classmethod
     def from_latlong(cls, array: ArrayLike, repair: str | None = None) -> Environment:
-        """Light from a lat-long image, (h, w, 3) floats of any size; row 0 is at +Y. `repair` as for `load`."""
+        """Light from a lat-long image.
+
+        Parameters
+        ----------
+        array : (h, w, 3) real
+            Linear RGB radiance; row 0 is at +Y, the middle column at +Z.
+        repair
+            As for `load`.
+
+        Returns
+        -------
+        Environment
+            It holds a copy in float32.
+
+        Raises
+        ------
+        ValueError
+            If the shape or the type is wrong, or pixels are NaN or infinite in float32.
+        """
         pixels = _floats(array)
         if pixels.ndim != 3 or pixels.shape[2] != 3 or 0 in pixels.shape:
             raise ValueError(f"expected a lat-long image of shape (h, w, 3), got {pixels.shape}")
@@ -114,7 +161,25 @@ class Environment:
 
     @classmethod
     def from_cubemap(cls, array: ArrayLike, repair: str | None = None) -> Environment:
-        """Light from six faces, (6, n, n, 3) floats, constant over each texel. `repair` as for `load`."""
+        """Light from the six faces of a cubemap, constant over each texel.
+
+        Parameters
+        ----------
+        array : (6, n, n, 3) real
+            Linear RGB radiance; faces +X, -X, +Y, -Y, +Z, -Z in OpenGL's orientation.
+        repair
+            As for `load`.
+
+        Returns
+        -------
+        Environment
+            It holds a copy in float32.
+
+        Raises
+        ------
+        ValueError
+            If the shape or the type is wrong, or pixels are NaN or infinite in float32.
+        """
         pixels = _floats(array)
         if pixels.ndim != 4 or pixels.shape != (6, pixels.shape[1], pixels.shape[1], 3) or 0 in pixels.shape:
             raise ValueError(f"expected a cubemap of shape (6, n, n, 3), got {pixels.shape}")
@@ -126,13 +191,53 @@ class Environment:
         return cls._of([(1.0, make(np.ascontiguousarray(pixels)), IDENTITY)], name)
 
     def rotated(self, degrees: float, axis: str | ArrayLike = "y") -> Environment:
-        """The light turned by the right-hand rule about ``"x"``, ``"y"``, ``"z"`` or a 3-vector: L'(d) = L(R⁻¹ d)."""
+        """The light turned about an axis by the right-hand rule: L'(d) = L(R⁻¹ d).
+
+        Turns are multiplied and no map is resampled until it is asked for, so that turns of turns lose nothing.
+
+        Parameters
+        ----------
+        degrees
+            Of the turn; quarter turns about an axis of space are exact.
+        axis
+            ``"x"``, ``"y"``, ``"z"`` or a 3-vector of any length.
+
+        Returns
+        -------
+        Environment
+            A new one, which shares the maps.
+
+        Raises
+        ------
+        ValueError
+            If the angle is not finite, or the axis is none.
+        """
         turn = rotation_matrix(degrees, axis)
         layers = [(weight, light, as_matrix(turn @ np.array(own))) for weight, light, own in self._layers]
         return self._of(layers, self.name)
 
     def mixed(self, other: Environment, t: float) -> Environment:
-        """The blend (1 - t) self + t other."""
+        """The blend (1 - t) self + t other.
+
+        Parameters
+        ----------
+        other
+            The light that stands at t = 1.
+        t
+            Any finite number: beyond 0 and 1 the blend goes on as a line.
+
+        Returns
+        -------
+        Environment
+            A new one, which shares the maps.
+
+        Raises
+        ------
+        TypeError
+            If the other is no environment.
+        ValueError
+            If t is not finite.
+        """
         if not isinstance(other, Environment):
             raise TypeError(f"expected an Environment to mix with, got {type(other).__name__}")
         if not math.isfinite(t):
@@ -141,16 +246,47 @@ class Environment:
         return self._of(layers, f"{self.name} and {other.name}")
 
     def scaled(self, factor: float) -> Environment:
-        """The light times a finite factor."""
+        """The light times a factor.
+
+        Parameters
+        ----------
+        factor
+            Any finite number.
+
+        Returns
+        -------
+        Environment
+            A new one, which shares the maps.
+
+        Raises
+        ------
+        ValueError
+            If the factor is not finite.
+        """
         if not math.isfinite(factor):
             raise ValueError(f"expected a finite factor, got {factor}")
         return self._of([(weight * factor, light, turn) for weight, light, turn in self._layers], self.name)
 
     def cubemap(self, size: int) -> NDArray[np.float32]:
-        """Radiance averaged over a cubemap's texels, `size` x `size` a face: (6, size, size, 3) float32.
+        """Radiance averaged over a cubemap's texels.
 
         Unrotated, the average is exact; rotated, it is interpolated with positive weights. Constants stay constant, and
         bright lights, however small, keep their flux under every rotation (``rust/light/environment.rs`` says how).
+
+        Parameters
+        ----------
+        size
+            Texels along an edge of a face, 1 to 2048.
+
+        Returns
+        -------
+        (6, size, size, 3) float32
+            Linear RGB radiance; faces +X, -X, +Y, -Y, +Z, -Z in OpenGL's orientation.
+
+        Raises
+        ------
+        ValueError
+            If the size is out of range.
         """
         size = operator.index(size)
         if not 1 <= size <= _LARGEST_FACE:
@@ -159,7 +295,23 @@ class Environment:
         return cubemap
 
     def radiance(self, directions: ArrayLike) -> NDArray[np.float32]:
-        """Radiance from directions (..., 3) of any length, (..., 3) float32: what a camera sees behind the scene."""
+        """Radiance from directions: what a camera sees behind the scene.
+
+        Parameters
+        ----------
+        directions : (..., 3) real
+            Towards the light, of any length.
+
+        Returns
+        -------
+        (..., 3) float32
+            Linear RGB radiance, interpolated between the pixels of the maps.
+
+        Raises
+        ------
+        ValueError
+            If the shape is wrong, or a direction is zero or not finite.
+        """
         unit = unit_directions(directions)
         radiance: NDArray[np.float32] = environment_radiance(self._layers, unit.reshape(-1, 3))
         return radiance.reshape(unit.shape)

@@ -16,16 +16,37 @@ __all__ = ["Motion", "ease"]
 
 
 def ease(t: float) -> float:
-    """The profile of every rotation: t^2 (3 - 2t) for t in [0, 1]; at rest at both ends, 1.5 times the mean between.
+    """The profile of every rotation: t^2 (3 - 2t); at rest at both ends, 1.5 times the mean speed between.
 
     The papers show their profile only as a plot (Overbeck 2006, Fig. 6.4, bottom); this is ours.
+
+    Parameters
+    ----------
+    t
+        Time, from 0 to 1.
+
+    Returns
+    -------
+    float
+        The way behind, from 0 to 1.
     """
     return t * t * (3.0 - 2.0 * t)
 
 
 @dataclass(frozen=True)
 class Motion:
-    """`frames` frames of a rotation by `rotate` degrees about `axis`, then `hold` frames of light that stands still.
+    """A rotation with ease in and out, then light that stands still.
+
+    Parameters
+    ----------
+    rotate
+        Degrees in all, by the right-hand rule.
+    frames
+        Frames of rotation, 1 or more.
+    hold
+        Frames of rest that follow, 0 or more.
+    axis
+        ``"x"``, ``"y"``, ``"z"`` or a 3-vector of any length.
 
     Raises
     ------
@@ -65,7 +86,25 @@ class Motion:
         return [(frame, f"frame {frame}\n{what}") for frame, what in named]
 
     def light(self, env: Environment, frame: int) -> Environment:
-        """The environment as it stands in a frame."""
+        """The environment as it stands in a frame.
+
+        Parameters
+        ----------
+        env
+            The light at 0 degrees.
+        frame
+            Counted from 0.
+
+        Returns
+        -------
+        Environment
+            The light turned by ``angles[frame]``.
+
+        Raises
+        ------
+        IndexError
+            If there is no such frame.
+        """
         return env.rotated(self.angles[frame], self.axis)
 
     @property

@@ -59,6 +59,11 @@ def rotation(
     hold
         Frames of rest that follow.
 
+    Returns
+    -------
+    iterator of Environment
+        One a frame, made when it is asked for.
+
     Raises
     ------
     ValueError
@@ -68,7 +73,27 @@ def rotation(
 
 
 def interpolation(a: Environment, b: Environment, frames: int, hold: int = 0) -> Iterator[Environment]:
-    """One light fades into another: (1 - t) a + t b."""
+    """One light fades into another: (1 - t) a + t b.
+
+    Parameters
+    ----------
+    a, b
+        The light of the first frame, and of the last.
+    frames
+        Frames of movement.
+    hold
+        Frames of rest that follow.
+
+    Returns
+    -------
+    iterator of Environment
+        One a frame, made when it is asked for.
+
+    Raises
+    ------
+    ValueError
+        If a setting is out of its range.
+    """
     a.mixed(b, 0.5)
     return (a.mixed(b, way) for way in _eased(frames, hold))
 
@@ -94,6 +119,16 @@ def area_light(
         Azimuth (from -Z towards +X), elevation and radius, in degrees.
     radiance
         Of the light, linear RGB.
+
+    Returns
+    -------
+    iterator of Environment
+        One a frame, made when it is asked for.
+
+    Raises
+    ------
+    ValueError
+        If a number is not finite or out of its range.
     """
     ends = np.array([start, end], np.float64)
     if ends.shape != (2, 3) or not np.all(np.isfinite(ends)) or np.any(ends[:, 2] <= 0):
@@ -112,6 +147,23 @@ def sunrise(frames: int, *, noon: float = 55.0) -> Iterator[Environment]:
 
     The sun moves evenly; with it the sky changes its colour (Preetham, Shirley and Smits 1999), and the sun its own by
     the air that its light goes through. The first and the last frame lie 6 degrees of its circle below the horizon.
+
+    Parameters
+    ----------
+    frames
+        Frames of the whole day.
+    noon
+        The sun's greatest height, in degrees above the horizon, up to 90.
+
+    Returns
+    -------
+    iterator of Environment
+        One a frame, made when it is asked for.
+
+    Raises
+    ------
+    ValueError
+        If a number is out of its range.
     """
     if not 0 < noon <= 90:
         raise ValueError(f"expected the sun's height at noon in degrees above 0 and up to 90, got {noon}")
@@ -148,6 +200,16 @@ def painting(
         Of the round brush, in degrees.
     radiance
         Of the paint, linear RGB, added to the canvas.
+
+    Returns
+    -------
+    iterator of Environment
+        One a frame, made when it is asked for.
+
+    Raises
+    ------
+    ValueError
+        If a number is not finite or out of its range, or a stroke is shorter than two places.
     """
     lines = [np.array(stroke, np.float64) for stroke in strokes]
     if not lines or any(line.ndim != 2 or line.shape[1] != 2 or len(line) < 2 for line in lines):
@@ -265,6 +327,13 @@ def make(name: str, env: Environment, frames: int, **options: Any) -> Iterator[E
         The light that moves, or what stays behind the light that does.
     frames
         Frames of movement.
+    **options
+        Of the sequence, as above.
+
+    Returns
+    -------
+    iterator of Environment
+        One a frame, made when it is asked for.
 
     Raises
     ------

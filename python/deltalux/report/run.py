@@ -71,6 +71,15 @@ def _file_names(envs: Sequence[Environment], motion: Motion) -> list[str]:
 def check_report(env: Environment | Sequence[Environment], folder: str | os.PathLike[str], motion: Motion) -> None:
     """What `report` would refuse, found at once and with nothing written.
 
+    Parameters
+    ----------
+    env
+        The light, or several.
+    folder
+        Where the report would go.
+    motion
+        How the light would move.
+
     Raises
     ------
     ValueError, OSError

@@ -11,6 +11,8 @@ import numpy as np
 from ..camera import Camera
 
 MOST_TRIANGLES = 100_000_000
+# Of all textures together, 3 GB as linear floats: a picture of one colour takes next to nothing in a file.
+MOST_TEXELS = 1 << 28
 # Surfaces of which the source does not say the colour are middle grey.
 DEFAULT_ALBEDO = (0.5, 0.5, 0.5)
 
@@ -35,12 +37,20 @@ class Content:
     vertices: int = 0
     albedo: list[tuple[float, ...]] = field(default_factory=list)
     textures: list[np.ndarray | None] = field(default_factory=list)
+    texels: int = 0
+    counted: set[int] = field(default_factory=set)
+    """Identities of the textures whose texels are in the sum: materials share them."""
     camera: Camera | None = None
     counts: Counter[str] = field(default_factory=Counter)
     warnings: list[str] = field(default_factory=list)
 
     def add_material(self, albedo: Any, texture: np.ndarray | None = None) -> int:
         """Append a material and return its index."""
+        if texture is not None and id(texture) not in self.counted:
+            self.counted.add(id(texture))
+            self.texels += texture.shape[0] * texture.shape[1]
+            if self.texels > MOST_TEXELS:
+                raise ValueError(f"the textures have more than {MOST_TEXELS} pixels together")
         self.albedo.append(tuple(float(value) for value in albedo[:3]))
         self.textures.append(texture)
         return len(self.albedo) - 1

@@ -81,14 +81,18 @@ def _values(keyword: str, text: bytes) -> list[str]:
 
 
 def _check_picture(content: Content, folder: Path, name: str) -> None:
-    """trimesh passes over pictures that it cannot read; say so."""
+    """trimesh passes over pictures that it cannot read, and those outside the scene's folder; say so."""
     from PIL import Image
 
-    try:
-        with Image.open(folder / name):
+    path = (folder / name).resolve()
+    # What is outside is not even opened: a device or a pipe may never answer.
+    if path.is_relative_to(folder) and path.is_file():
+        try:
+            with Image.open(path):
+                return
+        except OSError:
             pass
-    except OSError:
-        content.leave_out("textures ignored", f"{name} cannot be read")
+    content.leave_out("textures ignored", f"{name} cannot be read")
 
 
 def _read_mesh(content: Content, folder: Path, data: bytes, kind: str) -> None:

@@ -26,6 +26,8 @@ from .texture import linear_texture
 COMPONENT = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 TRIANGLES, STRIP, FAN = 4, 5, 6
+# Elements of an accessor that the file does not hold are zeros, and cost its writer nothing but their number.
+MOST_IMPLIED = 1 << 20
 # What a file may require and still be shown: all others of these only change the look of surfaces.
 UNDERSTOOD = ("KHR_materials_", "KHR_mesh_quantization", "KHR_lights_punctual", "KHR_texture_", "EXT_texture_")
 
@@ -218,6 +220,8 @@ class _Reader:
         if "bufferView" in accessor:
             values = self._elements(accessor["bufferView"], accessor.get("byteOffset", 0), dtype, count, WIDTH[shape])
         elif "sparse" in accessor:
+            if count > MOST_IMPLIED:
+                raise ValueError(f"accessor {index} has {count} elements without data, more than {MOST_IMPLIED}")
             values = np.zeros((count, WIDTH[shape]), dtype)
         else:
             raise ValueError(f"accessor {index} has no data")

@@ -81,6 +81,11 @@ class Scene:
         camera : Camera, optional
             Otherwise the file's own (glTF), or one that frames everything.
 
+        Returns
+        -------
+        Scene
+            What was put right is in its counts, what was left out in its warnings.
+
         Raises
         ------
         FileNotFoundError, OSError
@@ -94,12 +99,48 @@ class Scene:
 
     @classmethod
     def builtin(cls, name: str, camera: Camera | None = None) -> Scene:
-        """One of the built-in scenes: "plant", "cornell", "still-life" or "street"; ValueError for another name."""
+        """One of the built-in scenes.
+
+        Parameters
+        ----------
+        name
+            ``"plant"``, ``"cornell"``, ``"still-life"`` or ``"street"``.
+        camera : Camera, optional
+            Otherwise the scene's own.
+
+        Returns
+        -------
+        Scene
+            The same triangles in every run and on every machine.
+
+        Raises
+        ------
+        ValueError
+            If there is no such scene.
+        """
         return cls.from_content(catalogue.build(name), camera)
 
     @classmethod
     def from_content(cls, content: Content, camera: Camera | None = None) -> Scene:
-        """What a source handed over, as one list of triangles, seen by its own camera unless one is given."""
+        """What a source handed over, as one list of triangles.
+
+        Parameters
+        ----------
+        content : Content
+            Pieces, materials, perhaps a camera.
+        camera : Camera, optional
+            Otherwise the content's own, or one that frames everything.
+
+        Returns
+        -------
+        Scene
+            Texture coordinates that are not finite are 0, albedos are clipped to [0, 1]; both are counted.
+
+        Raises
+        ------
+        ValueError
+            If the content has no triangles with an area, vertices that are not finite, or corners out of range.
+        """
         pieces = content.pieces
         offsets = np.cumsum([0] + [len(piece.vertices) for piece in pieces])
         uv = np.concatenate([np.zeros((len(piece.vertices), 2)) if piece.uv is None else piece.uv for piece in pieces])
@@ -146,6 +187,13 @@ class Scene:
             Linear reflectance in [0, 1], for the whole scene or for each triangle.
         camera : Camera, optional
             Otherwise one that frames everything.
+        name : str
+            For titles and reports.
+
+        Returns
+        -------
+        Scene
+            It holds copies.
 
         Raises
         ------
@@ -165,11 +213,28 @@ class Scene:
         return _assemble(vertices, corners, material, rows[distinct], camera=camera, name=name)
 
     def with_camera(self, camera: Camera) -> Scene:
-        """The same scene seen by another camera; arrays are shared."""
+        """The same scene seen by another camera.
+
+        Parameters
+        ----------
+        camera : Camera
+            The other one.
+
+        Returns
+        -------
+        Scene
+            A new one, which shares the arrays.
+        """
         return replace(self, camera=camera)
 
     def content_hash(self) -> str:
-        """A digest (64 hexadecimal digits) of all that transport depends on: geometry, materials and camera."""
+        """A digest of all that transport depends on: geometry, materials and camera.
+
+        Returns
+        -------
+        str
+            64 hexadecimal digits (BLAKE2b).
+        """
         digest = hashlib.blake2b(digest_size=32)
         arrays = [self.vertices, self.triangles, self.material, self.albedo, self.uv, *self.textures]
         for array in arrays:
@@ -191,6 +256,7 @@ class Scene:
         Returns
         -------
         (k, 3) float32
+            In [0, 1].
         """
         triangles = np.asarray(triangles)
         material = self.material[triangles]

@@ -34,7 +34,17 @@ def check_study(
     columns: Haar | None = None,
     methods: Sequence[Method] = (),
 ) -> list[tuple[str, Case]]:
-    """What `study` would refuse, found at once and with nothing written; the chapters otherwise.
+    """What `study` would refuse, found at once and with nothing written.
+
+    Parameters
+    ----------
+    name, folder, env, transport, motion, columns
+        As `study`.
+
+    Returns
+    -------
+    list of (str, Case)
+        The chapters that the study would have: the beginning of their files' names, and what each looks at.
 
     Raises
     ------
