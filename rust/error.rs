@@ -9,24 +9,38 @@ pub enum Error {
     /// An argument or a scene that cannot be used: Python's `ValueError`.
     Input(String),
     /// A file that is not what it claims to be (truncated, altered, of another version): `deltalux.FileError`.
-    File { path: PathBuf, what: String },
+    File {
+        /// The file or directory in question.
+        path: PathBuf,
+        /// What was expected and what was found.
+        what: String,
+    },
     /// The operating system refused: Python's `OSError`, with its number.
-    Os { path: PathBuf, source: std::io::Error },
+    Os {
+        /// What it was asked about.
+        path: PathBuf,
+        /// Its answer.
+        source: std::io::Error,
+    },
     /// The caller asked for the work to stop (Ctrl-C or a progress callback that raised).
     Cancelled,
 }
 
+/// What fallible functions of the core give.
 pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {
+    /// Refuses what a caller gave.
     pub fn input(message: impl Into<String>) -> Self {
         Error::Input(message.into())
     }
 
+    /// Refuses a file for what is in it.
     pub fn file(path: &Path, what: impl Into<String>) -> Self {
         Error::File { path: path.to_owned(), what: what.into() }
     }
 
+    /// Passes on what the operating system said of a path.
     pub fn os(path: &Path, source: std::io::Error) -> Self {
         Error::Os { path: path.to_owned(), source }
     }

@@ -18,6 +18,8 @@
 //!
 //! [`error`] may be used by all. `python` (behind its feature) uses everything and is used by nothing.
 
+#![warn(missing_docs)]
+
 pub mod basis;
 pub mod error;
 pub mod light;

@@ -15,19 +15,33 @@ pub enum ColumnSpace {
     ///
     /// Band 0 holds the 6 scaling functions, then the 18 coarsest wavelets; band b > 0 the wavelets whose support is
     /// (size / 2^b)^2 texels. Inside a level: face by face, then block by block in rows, then the h, d, v wavelets.
-    Haar { size: usize },
+    Haar {
+        /// Texels along a face: a power of two.
+        size: usize,
+    },
     /// Real spherical harmonics of the degrees below `order` (`basis/spherical_harmonics.rs`): order² columns.
     ///
     /// Band l holds the 2l + 1 functions of degree l, from m = -l to l.
-    SphericalHarmonics { order: usize },
+    SphericalHarmonics {
+        /// Degrees, from 0 on.
+        order: usize,
+    },
     /// Haar wavelets over a tree of so many surface samples, padded to a power of two (`basis/haar_tree.rs`).
     ///
     /// Band 0 holds the scaling function and the wavelets of the three coarsest levels; each further level is a band.
-    Tree { samples: usize },
+    Tree {
+        /// Leaves of the tree, without padding.
+        samples: usize,
+    },
     /// What clustered transport stands on: for each cluster its mean, then its representatives.
     ///
     /// Band 0 holds the means of all clusters, band i the i-th representatives.
-    Representatives { clusters: usize, each: usize },
+    Representatives {
+        /// How many clusters, each with a column in band 0.
+        clusters: usize,
+        /// Representatives of each cluster, besides its mean.
+        each: usize,
+    },
 }
 
 /// How columns group into bands: all that an update method knows of a basis.
@@ -44,14 +58,17 @@ pub struct Bands {
 }
 
 impl Bands {
+    /// The number of bands.
     pub fn count(&self) -> usize {
         self.starts.len() - 1
     }
 
+    /// The number of columns, over all bands.
     pub fn columns(&self) -> usize {
         *self.starts.last().expect("starts is never empty")
     }
 
+    /// The columns of a band; panics where there is no such band.
     pub fn range(&self, band: usize) -> Range<usize> {
         self.starts[band]..self.starts[band + 1]
     }
@@ -66,6 +83,7 @@ impl ColumnSpace {
     /// The largest face that 32-bit column numbers and a sane amount of memory allow.
     pub const MAX_HAAR: usize = 512;
 
+    /// The Haar basis of a cubemap; refuses faces that are not a power of two from 1 to `MAX_HAAR` texels wide.
     pub fn haar(size: usize) -> Result<Self> {
         if size.is_power_of_two() && size <= Self::MAX_HAAR {
             Ok(ColumnSpace::Haar { size })
@@ -80,6 +98,7 @@ impl ColumnSpace {
     /// The highest order of spherical harmonics.
     pub const MAX_ORDER: usize = 30;
 
+    /// The harmonics of the degrees below `order`; refuses orders outside 1 to `MAX_ORDER`.
     pub fn spherical_harmonics(order: usize) -> Result<Self> {
         if (1..=Self::MAX_ORDER).contains(&order) {
             Ok(ColumnSpace::SphericalHarmonics { order })
@@ -94,6 +113,7 @@ impl ColumnSpace {
     /// The most surface samples, and the most representatives with their means.
     pub const MAX_SAMPLES: usize = 1 << 20;
 
+    /// The wavelets over a tree of surface samples; refuses counts outside 1 to `MAX_SAMPLES`.
     pub fn tree(samples: usize) -> Result<Self> {
         if (1..=Self::MAX_SAMPLES).contains(&samples) {
             Ok(ColumnSpace::Tree { samples })
@@ -102,6 +122,8 @@ impl ColumnSpace {
         }
     }
 
+    /// The space of clustered transport; refuses no clusters, more than 255 representatives each, and more than `MAX_SAMPLES`
+    /// columns in all.
     pub fn representatives(clusters: usize, each: usize) -> Result<Self> {
         let count = each.checked_add(1).and_then(|each| clusters.checked_mul(each));
         if clusters > 0 && each <= 255 && count.is_some_and(|count| count <= Self::MAX_SAMPLES) {
@@ -115,6 +137,7 @@ impl ColumnSpace {
         }
     }
 
+    /// The length of V: one coefficient a column.
     pub fn columns(self) -> usize {
         match self {
             ColumnSpace::Tree { samples } => samples.next_power_of_two(),
@@ -124,6 +147,7 @@ impl ColumnSpace {
         }
     }
 
+    /// How the columns group into bands, and how large their supports are.
     pub fn bands(self) -> Bands {
         match self {
             ColumnSpace::Tree { .. } => {

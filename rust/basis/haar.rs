@@ -35,6 +35,7 @@ pub struct Haar {
 }
 
 impl Haar {
+    /// Makes the tables of one size; refuses faces that are not a power of two from 1 to 512 texels wide.
     pub fn new(size: usize) -> Result<Self> {
         ColumnSpace::haar(size)?;
         let mut areas = solid_angles(size);
@@ -68,10 +69,12 @@ impl Haar {
         }
     }
 
+    /// Texels along a face.
     pub fn size(&self) -> usize {
         self.size
     }
 
+    /// Coefficients of a cubemap, 6 n² for faces of n x n texels.
     pub fn columns(&self) -> usize {
         6 * self.size * self.size
     }

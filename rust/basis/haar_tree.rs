@@ -51,6 +51,7 @@ impl HaarTree {
         ColumnSpace::Tree { samples: self.areas.len() }
     }
 
+    /// The areas of the samples in the order of the tree, without padding.
     pub fn areas(&self) -> &[f64] {
         &self.areas
     }

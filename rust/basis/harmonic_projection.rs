@@ -95,10 +95,12 @@ impl HarmonicProjection {
         }
     }
 
+    /// Coefficients that a projection gives: order².
     pub fn columns(&self) -> usize {
         self.order * self.order
     }
 
+    /// Texels that it takes, over all six faces.
     pub fn texels(&self) -> usize {
         6 * self.size * self.size
     }

@@ -39,6 +39,7 @@ pub struct SphericalHarmonics {
 }
 
 impl SphericalHarmonics {
+    /// Prepares the recurrences; refuses orders outside 1 to `ColumnSpace::MAX_ORDER`.
     pub fn new(order: usize) -> Result<Self> {
         ColumnSpace::spherical_harmonics(order)?;
         let mut steps = vec![(0.0, 0.0); order * order];
@@ -55,6 +56,7 @@ impl SphericalHarmonics {
         Ok(SphericalHarmonics { order, steps })
     }
 
+    /// Degrees evaluated: l = 0 .. order - 1.
     pub fn order(&self) -> usize {
         self.order
     }

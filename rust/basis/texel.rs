@@ -2,9 +2,10 @@
 
 /// A texel's worth of numbers that are transformed alike: a scalar, a colour, or 16 neighbouring rows of M.
 pub trait Texel: Copy + Send + Sync {
+    /// All numbers zero: where sums start.
     const ZERO: Self;
 
-    /// Σ weights[k] * lanes[k].
+    /// `Σ weights[k] * lanes[k]`.
     fn combine(lanes: [&Self; 4], weights: [f64; 4]) -> Self;
 
     /// self + weight * other.

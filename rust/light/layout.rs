@@ -6,12 +6,21 @@ use std::f64::consts::PI;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Layout {
     /// `height` rows from the +Y pole, u = atan2(x, -z) / 2π along them.
-    LatLong { width: usize, height: usize },
+    LatLong {
+        /// Pixels in a row: 2π of longitude.
+        width: usize,
+        /// Rows, from pole to pole.
+        height: usize,
+    },
     /// Six faces of `size` x `size` texels.
-    Cubemap { size: usize },
+    Cubemap {
+        /// Texels along a face.
+        size: usize,
+    },
 }
 
 impl Layout {
+    /// The number of pixels of the whole map.
     pub fn pixels(self) -> usize {
         match self {
             Layout::LatLong { width, height } => width * height,

@@ -44,9 +44,13 @@ impl Rays {
 /// What a pass makes: `factors` matrices of `rows` x `bands.columns()`, each of so many channels.
 #[derive(Clone, Debug)]
 pub struct Shape {
+    /// Receivers, over all tiles.
     pub rows: usize,
+    /// How the columns group; the same for all factors.
     pub bands: Bands,
+    /// One number for all colours, or one each.
     pub channels: Channels,
+    /// Matrices made together; `Take` counts them from 0.
     pub factors: usize,
 }
 
@@ -61,8 +65,10 @@ pub trait Pass: Sync {
     /// Room for one bundle, kept by each thread.
     type Room: Send;
 
+    /// The size of what is made; it never changes.
     fn shape(&self) -> &Shape;
 
+    /// Fresh room, of which each thread asks for one or more.
     fn room(&self) -> Self::Room;
 
     /// Makes the rows of one bundle (at most `BUNDLE_ROWS`) and hands over group after group.
@@ -121,8 +127,9 @@ pub fn tile<P: Pass>(
 pub struct Surveyed {
     /// How large entries are, from which a threshold follows.
     pub survey: Survey,
-    /// Numbers, over all rows, of groups that are kept untruncated to measure truncation against; and a tile of them.
+    /// Numbers, over all rows, of groups that are kept untruncated to measure truncation against.
     pub groups: Vec<u32>,
+    /// Those groups one below the other, in 16 bits with threshold 0.
     pub audit: Tile,
 }
 
@@ -195,9 +202,11 @@ pub fn survey<P: Pass>(
 /// What a probe has found.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Probed {
+    /// Bundles made, of at most `BUNDLE_ROWS` rows each.
     pub bundles: usize,
     /// On all threads.
     pub seconds: f64,
+    /// Rays that they shot.
     pub rays: Rays,
 }
 

@@ -2,7 +2,9 @@
 
 /// What turns rows into pixels: for each row its pixel, its share of it, and its albedo.
 pub struct Rows<'a> {
+    /// The pixel that each row adds to, row-major.
     pub pixel: &'a [u32],
+    /// What share of its pixel each row is, from 0 to 1.
     pub weight: &'a [f32],
     /// rows x 3
     pub albedo: &'a [f32],

@@ -5,13 +5,19 @@ use crate::error::{Error, Result};
 /// A perspective camera, its frame already made orthonormal by the caller.
 #[derive(Clone, Copy, Debug)]
 pub struct Camera {
+    /// The eye, in world coordinates.
     pub position: [f64; 3],
+    /// Unit vector to the right of the picture.
     pub right: [f64; 3],
+    /// Unit vector to its top.
     pub up: [f64; 3],
+    /// Unit vector into the scene.
     pub forward: [f64; 3],
     /// Tangent of half the vertical field of view.
     pub half_height: f64,
+    /// Pixels in a row.
     pub width: usize,
+    /// Rows of pixels.
     pub height: usize,
 }
 
@@ -19,6 +25,7 @@ impl Camera {
     /// The most pixels along a side.
     const MAX_SIDE: usize = 16384;
 
+    /// Refuses pictures that are empty or too large, numbers that are not finite, and fields of view that are not above 0.
     pub fn check(&self) -> Result<()> {
         let sides = [self.width, self.height];
         if sides.iter().any(|&side| side == 0 || side > Self::MAX_SIDE) {

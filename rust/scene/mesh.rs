@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 /// Triangles of a scene, moved and scaled so that the largest extent of the box around them is between 1 and 2.
 ///
 /// The scale is a power of two and the move is made in f64: rays then meet the same bits at 1e-5 and at 1e6, and no
-/// tolerance of the tracer depends on the user's units (NUMERICS 2g).
+/// tolerance of the tracer depends on the user's units.
 pub struct Mesh {
     /// Three corners of each triangle that has an area.
     pub corners: Vec<[[f32; 3]; 3]>,

@@ -33,11 +33,13 @@ pub enum PixelSampling {
 /// The rows of M, in Morton order of their pixels.
 #[derive(Clone, Debug, Default)]
 pub struct Receivers {
+    /// The pixel that each row adds to, row-major.
     pub pixel: Vec<u32>,
     /// Share of the pixel.
     pub weight: Vec<f32>,
     /// Triangle of the mesh, and weights of its corners 1 and 2 at the point.
     pub triangle: Vec<u32>,
+    /// Weights of the triangle's corners 1 and 2 at the point; corner 0 has the rest.
     pub barycentric: Vec<[f32; 2]>,
     /// Ray origin: the point in the normalised scene, lifted off its surface.
     pub origin: Vec<[f32; 3]>,
@@ -245,10 +247,12 @@ impl Receivers {
         receivers
     }
 
+    /// The number of rows.
     pub fn len(&self) -> usize {
         self.pixel.len()
     }
 
+    /// Whether nothing was seen in any pixel.
     pub fn is_empty(&self) -> bool {
         self.pixel.is_empty()
     }

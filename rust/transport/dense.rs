@@ -11,9 +11,13 @@ use super::truncate::{Truncation, compress_group};
 /// `rows` x `columns` x `channels` numbers, row-major.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dense {
+    /// Receivers.
     pub rows: usize,
+    /// Coefficients of V.
     pub columns: usize,
+    /// One number for all colours, or one each.
     pub channels: Channels,
+    /// `[row][column][channel]`.
     pub values: Vec<f64>,
 }
 
@@ -23,6 +27,7 @@ impl Dense {
         Self::with_channels(rows, columns, Channels::One, values)
     }
 
+    /// With one channel or three; panics unless there is a value for each row, column and channel.
     pub fn with_channels(rows: usize, columns: usize, channels: Channels, values: Vec<f64>) -> Self {
         assert_eq!(values.len(), rows * columns * channels.count());
         Dense { rows, columns, channels, values }

@@ -58,7 +58,9 @@ impl Channels {
 /// How wide the stored integers are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Width {
+    /// Magnitudes up to 127.
     I8,
+    /// Magnitudes up to 32,767.
     I16,
 }
 
@@ -104,6 +106,7 @@ pub fn shift_of(word: u16) -> i32 {
     i32::from(word >> GROUP_BITS)
 }
 
+/// 2^exponent, for the exponents of normal f32 numbers: -126 to 127.
 #[inline(always)]
 pub fn power_of_two(exponent: i32) -> f32 {
     debug_assert!((-126..=127).contains(&exponent));

@@ -1,6 +1,6 @@
 //! The light transport matrix M: tiles one above the other, and what can be asked of it.
 //!
-//! Multiplying by light, frame after frame, is `update/response.rs`; here is what is asked once: rows, norms, copies
+//! Multiplying by light, frame after frame, is `update/multiplying/response.rs`; here is what is asked once: rows, norms, copies
 //! for other libraries, the transpose, a smaller version.
 
 use rayon::prelude::*;
@@ -17,22 +17,30 @@ const COLUMNS: usize = 256;
 
 /// M: `rows` receivers by `bands.columns()` columns, for all colours alike or for each its own.
 pub struct TransportMatrix {
+    /// What the columns are.
     pub space: ColumnSpace,
+    /// How they group into bands; follows from `space`.
     pub bands: Bands,
+    /// Receivers, over all tiles.
     pub rows: usize,
+    /// One number for all colours, or one each.
     pub channels: Channels,
     /// Every value of M is an integer times 2^quantum.
     pub quantum: i32,
     /// Rows of every tile but the last; a multiple of `GROUP`.
     pub tile_rows: usize,
+    /// One above the other, from the first row to the last.
     pub tiles: Vec<Tile>,
 }
 
 /// M row by row, for other libraries: entries of row i are `indptr[i]..indptr[i + 1]`, columns ascending.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Csr {
+    /// Where each row begins in the other two; rows + 1 numbers.
     pub indptr: Vec<i64>,
+    /// The column of each entry.
     pub indices: Vec<i32>,
+    /// The value of each entry, exactly as stored.
     pub data: Vec<f32>,
 }
 

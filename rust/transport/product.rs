@@ -35,6 +35,7 @@ impl Factors {
         }
     }
 
+    /// The matrices in their order, at least one.
     pub fn as_slice(&self) -> &[Arc<TransportMatrix>] {
         &self.0
     }
@@ -44,6 +45,7 @@ impl Factors {
         self.0.iter().map(|matrix| Factors(vec![Arc::clone(matrix)])).collect()
     }
 
+    /// One after the other, in their order.
     pub fn iter(&self) -> std::slice::Iter<'_, Arc<TransportMatrix>> {
         self.0.iter()
     }
@@ -53,10 +55,12 @@ impl Factors {
         self.0.len()
     }
 
+    /// The first of them, which there always is.
     pub fn first(&self) -> &Arc<TransportMatrix> {
         &self.0[0]
     }
 
+    /// The columns that all share.
     pub fn space(&self) -> ColumnSpace {
         self.0[0].space
     }
@@ -89,7 +93,9 @@ pub enum Link {
 /// One or two stages.
 #[derive(Clone)]
 pub struct Product {
+    /// The matrices that V itself is sent through.
     pub first: Factors,
+    /// What their rows are to the second stage or to the receivers.
     pub link: Link,
     /// The second stage, where the link leads to one.
     pub then: Option<Factors>,

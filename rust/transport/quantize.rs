@@ -24,8 +24,11 @@ pub struct Screened<const C: usize> {
 
 /// An entry as integers, and what rounding left over.
 pub struct Rounded<const C: usize> {
+    /// Of the entry: its values are integers times 2^(quantum + shift).
     pub shift: u8,
+    /// Channel by channel and lane by lane.
     pub integers: [[i16; GROUP]; C],
+    /// What was, less what is stored.
     pub residual: [Rows16; C],
 }
 
@@ -33,6 +36,7 @@ pub struct Rounded<const C: usize> {
 pub trait Kernel {
     /// Which of up to 64 columns have an energy, over all channels, of at least their limit; and what the others hold.
     fn screen<const C: usize>(planes: [&[Rows16]; C], limits: &[f32]) -> Screened<C>;
+    /// The largest magnitude of 16 lanes.
     fn largest(lanes: &Rows16) -> f32;
     /// Rounds 16 values to nearest (ties to even) multiples of 2^exponent. They must fit into 16 bits.
     fn nearest(lanes: &Rows16, exponent: i32) -> ([i16; GROUP], Rows16);

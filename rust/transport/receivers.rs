@@ -9,8 +9,11 @@ pub struct ReceiverTable {
     pub albedo: Slab<f32>,
     /// World coordinates, `[row][xyz]`.
     pub position: Slab<f32>,
+    /// Unit normals in the same axes, `[row][xyz]`.
     pub normal: Slab<f32>,
+    /// The number of each row's material, where the scene has them.
     pub material: Option<Slab<u16>>,
+    /// What the points stand for, with what that takes.
     pub kind: ReceiverKind,
 }
 
@@ -112,6 +115,7 @@ impl ReceiverTable {
         }
     }
 
+    /// Bytes of all arrays.
     pub fn nbytes(&self) -> usize {
         let floats = self.albedo.len() + self.position.len() + self.normal.len();
         let own = match &self.kind {

@@ -32,9 +32,11 @@ pub struct Survey {
 /// A threshold, and what to expect of it on groups like the samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Threshold {
+    /// Entries with a weighted norm below this are dropped.
     pub value: f64,
     /// Relative L2 error of the image under the light prior E[V_j^2] ~ area_j, rounding included.
     pub error: f64,
+    /// Entries that a group of 16 rows keeps, in the mean.
     pub entries_per_group: f64,
 }
 

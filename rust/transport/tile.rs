@@ -10,7 +10,7 @@
 //! ```
 //!
 //! with one `quantum` for the whole matrix. All values of M are thus integers times 2^quantum: sums of such values with
-//! coefficients from a dyadic grid are exact in f64, in any order (`update/response.rs`).
+//! coefficients from a dyadic grid are exact in f64, in any order (`update/multiplying/grid.rs`).
 
 use std::ops::Deref;
 use std::sync::Arc;
@@ -22,11 +22,15 @@ use super::entry::{Channels, GROUP, GROUP_BITS, MAX_TILE_ROWS, Rows16, Width, gr
 /// A slice that is either owned or a view of a mapped file, which it keeps alive.
 #[derive(Clone)]
 pub enum Slab<T: 'static> {
+    /// Items in memory, shared by all copies.
     Owned(Arc<[T]>),
     /// INVARIANT: `len` items from byte `start` on lie inside the map and are aligned for T.
     Mapped {
+        /// The file, which stays mapped.
         map: Arc<memmap2::Mmap>,
+        /// The first byte, counted from the start of the map.
         start: usize,
+        /// Items, not bytes.
         len: usize,
     },
 }
@@ -53,7 +57,9 @@ impl<T> From<Vec<T>> for Slab<T> {
 /// The integers of a tile, 16 for each entry and channel. Eight bits are enough for images; sixteen serve untruncated transport.
 #[derive(Clone)]
 pub enum Values {
+    /// Magnitudes up to 127.
     I8(Slab<i8>),
+    /// Magnitudes up to 32,767.
     I16(Slab<i16>),
 }
 
@@ -62,11 +68,13 @@ pub enum Values {
 pub struct Tile {
     /// Rows of the tile; those that pad the last group are zero.
     pub rows: usize,
+    /// One number for all colours, or one each.
     pub channels: Channels,
     /// Entries of column j are `starts[j]..starts[j + 1]`; the length is columns + 1.
     pub starts: Slab<u32>,
     /// For each entry: group number | shift << 10. Inside a column the group numbers ascend.
     pub words: Slab<u16>,
+    /// `[entry][channel][lane]`.
     pub values: Values,
     /// Norm of each stored row in each band, `[row][band][channel]`, bfloat16 rounded up (never below the true norm).
     pub kept: Slab<u16>,
@@ -75,6 +83,7 @@ pub struct Tile {
 }
 
 impl Tile {
+    /// Groups of 16 rows, of which the last may be padded.
     pub fn groups(&self) -> usize {
         self.rows.div_ceil(GROUP)
     }

@@ -42,6 +42,7 @@ pub struct Truncation {
     pub threshold: f64,
     /// Values are integers times 2^(quantum + shift), shift >= 0.
     pub quantum: i32,
+    /// Of the stored integers: what does not fit takes a shift.
     pub width: Width,
     /// One a column: the root of the prior.
     weights: Vec<f64>,

@@ -51,10 +51,12 @@ impl Weights {
         Ok(Weights { starts, nodes, weights, exponent })
     }
 
+    /// Receivers.
     pub fn rows(&self) -> usize {
         self.starts.len() - 1
     }
 
+    /// What the stored integers count: units of 2^exponent.
     pub fn exponent(&self) -> i32 {
         self.exponent
     }
@@ -82,6 +84,7 @@ impl Weights {
         (0..self.rows()).map(|row| self.row(row).map(|(_, weight)| weight).sum()).fold(0.0, f64::max)
     }
 
+    /// Bytes of the three arrays.
     pub fn nbytes(&self) -> usize {
         4 * (self.starts.len() + self.nodes.len()) + 2 * self.weights.len()
     }

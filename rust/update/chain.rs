@@ -22,6 +22,7 @@ const BETWEEN: f64 = 1.0 / (1u64 << 45) as f64;
 
 /// One or two stages, ready to be multiplied by. Nothing in it changes: any number of followers share one.
 pub struct Chain {
+    /// The matrices, and what links them.
     pub product: Product,
     /// Of the first stage's matrices, the largest.
     pub span: Span,

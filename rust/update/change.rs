@@ -7,7 +7,9 @@ use crate::basis::Bands;
 /// One column's change in red, green and blue: Delta V_j.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Term {
+    /// Its number, j.
     pub column: u32,
+    /// What V~_j moves by, in red, green and blue.
     pub change: [f64; 3],
 }
 
@@ -47,6 +49,7 @@ impl Applied {
         Applied { values: vec![[0.0; 3]; bands.columns()], held: vec![false; bands.count()] }
     }
 
+    /// V~, a colour for each column.
     pub fn values(&self) -> &[[f64; 3]] {
         &self.values
     }

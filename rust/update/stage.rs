@@ -26,14 +26,22 @@ pub enum Chosen<'a> {
     /// The largest terms of the light within the budget, from black.
     Largest,
     /// Somebody else: bands to reset, and columns in the order of their worth, as many as the budget allows.
-    Given { resets: &'a [usize], columns: &'a [u32] },
+    Given {
+        /// Bands to set to zero first.
+        resets: &'a [usize],
+        /// Columns to send, the worthiest first; repetitions are passed over.
+        columns: &'a [u32],
+    },
 }
 
 /// A matrix of a stage, and what is known of its response.
 #[derive(Clone, Copy)]
 pub struct Output<'a> {
+    /// M, or one of its factors.
     pub matrix: &'a TransportMatrix,
+    /// Its exact sums for what has been applied.
     pub response: &'a Response,
+    /// The largest norms of its rows.
     pub bound: &'a Bound,
     /// None before the first frame.
     pub measured: Option<&'a Measured>,
@@ -68,6 +76,7 @@ impl Stage {
         })
     }
 
+    /// How the columns of V group into bands.
     pub fn bands(&self) -> &Bands {
         self.approximation.bands()
     }
@@ -82,12 +91,14 @@ impl Stage {
         &self.target
     }
 
+    /// The stage's matrices in their order, each with its response and bound.
     pub fn outputs(&self) -> impl Iterator<Item = Output<'_>> {
         let measured = self.measured.as_ref();
         let all = self.factors.iter().zip(&self.responses).zip(&self.bounds);
         all.map(move |((matrix, response), bound)| Output { matrix, response, bound, measured })
     }
 
+    /// Sets the budget of later frames; refuses one that the settings do not allow.
     pub fn set_budget(&mut self, budget: Budget) -> Result<()> {
         self.approximation.set_budget(budget)
     }

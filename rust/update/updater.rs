@@ -40,6 +40,7 @@ pub struct Step {
     pub converged: bool,
     /// Seconds of choosing (grid, tests, selection) and of multiplying, all stages.
     pub choosing: f64,
+    /// Seconds of sending the change through M and of writing B.
     pub multiplying: f64,
 }
 

@@ -298,7 +298,7 @@ proptest! {
     }
 }
 
-/// A loop of light, run a thousand times, ends each time where it began (f32 sums lose 1e-8 a frame; NUMERICS 2a).
+/// A loop of light, run a thousand times, ends each time where it began (f32 sums lose 1e-8 a frame).
 #[test]
 fn a_repeating_light_does_not_drift() {
     let case = case(11, Width::I8);

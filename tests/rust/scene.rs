@@ -319,7 +319,7 @@ proptest! {
     }
 }
 
-/// NUMERICS 2g: deterministic directions on regular meshes are where tracers leak.
+/// Deterministic directions on regular meshes are where tracers leak.
 #[test]
 fn a_closed_box_does_not_leak() {
     let soup = Soup::grid_box(8);

@@ -7,7 +7,7 @@
 //!
 //! Watertight by construction: a vertex is projected the same way in every triangle that uses it, an edge function
 //! changes its sign and nothing else with the order of its ends, and a point within the rounding error of an edge counts
-//! as inside (NUMERICS 2g).
+//! as inside.
 //!
 //! Tried and kept: a block of neighbouring directions starts from what its shaft meets (`shaft.rs`), and each box on the
 //! stack comes with the rays that lie in it, so that small triangles are met by few rays.

@@ -11,15 +11,21 @@ use crate::basis::ColumnSpace;
 use crate::error::{Error, Result};
 use crate::transport::entry::{Channels, GROUP, MAX_TILE_ROWS, Width, check_quantum};
 
+/// The word by which a manifest is known.
 pub const FORMAT: &str = "deltalux.transport";
 /// The major version is refused where it is unknown; a minor one only adds keys or files that older readers may ignore.
 pub const MAJOR: u32 = 2;
 /// The first version: one matrix of pixels, whose part has no name. It is read for good.
 pub const FIRST: u32 = 1;
+/// The minor version that is written.
 pub const MINOR: u32 = 0;
+/// The file that is written last and read first.
 pub const MANIFEST: &str = "manifest.json";
+/// The file of what each row is.
 pub const RECEIVERS: &str = "receivers.safetensors";
+/// The file of the link's numbers, where it has any.
 pub const LINK: &str = "link.safetensors";
+/// The file of untruncated sample groups, where there are any.
 pub const AUDIT: &str = "audit.safetensors";
 /// Tiles in a shard file; the last file may hold fewer.
 pub const TILES_PER_SHARD: usize = 4;
@@ -37,7 +43,9 @@ const MAX_NAME: usize = 32;
 /// One file of the directory.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FileEntry {
+    /// Its name in the directory, without a path.
     pub name: String,
+    /// Its size.
     pub bytes: u64,
     /// XXH3, 64 bits, of the whole file, as 16 hexadecimal digits.
     pub xxh3: String,
@@ -50,23 +58,29 @@ pub struct PartEntry {
     pub name: String,
     /// As `ColumnSpace` writes it: `haar:64`.
     pub columns: String,
+    /// Of the matrix: receivers, or what its place in the chain makes of them (nodes, samples, representatives).
     pub rows: usize,
+    /// Numbers for each row and column: 1 or 3.
     pub channels: usize,
+    /// The exponent of two that all values are multiples of.
     pub quantum: i32,
     /// `i8` or `i16`.
     pub width: String,
+    /// Rows of every tile but the last: a multiple of 16, at most 16,384.
     pub tile_rows: usize,
 }
 
 /// How parts make up the product, by their names.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ChainEntry {
+    /// Parts that V is multiplied by.
     pub first: Vec<String>,
     /// `none`, `weights`, `tree` or `representatives`.
     pub link: String,
     /// The exponent of the weights, where those are the link.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exponent: Option<i32>,
+    /// Parts of the second stage; empty where the link leads to none.
     #[serde(default)]
     pub then: Vec<String>,
 }
@@ -87,17 +101,23 @@ pub struct ReceiversEntry {
 /// All that a transport says of itself. Keys that are unknown here are ignored.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Manifest {
+    /// `FORMAT`.
     pub format: String,
     /// [major, minor]
     pub version: [u32; 2],
+    /// All matrices, in the order of the chain.
     pub parts: Vec<PartEntry>,
+    /// How they make up the product.
     pub chain: ChainEntry,
+    /// `TILES_PER_SHARD`.
     pub tiles_per_shard: usize,
+    /// What the rows of the last stage stand for.
     pub receivers: ReceiversEntry,
     /// Opaque here, as the camera.
     pub plan: Box<RawValue>,
     /// Identifies the scene that M was computed from.
     pub scene: String,
+    /// All other files: shards part by part, receivers, link, audit.
     pub files: Vec<FileEntry>,
 }
 
@@ -114,14 +134,17 @@ fn expect(holds: bool, what: impl FnOnce() -> String) -> Result<()> {
 }
 
 impl PartEntry {
+    /// The columns; refuses a text that names none.
     pub fn space(&self) -> Result<ColumnSpace> {
         self.columns.parse()
     }
 
+    /// The channels; refuses counts other than 1 and 3.
     pub fn channels(&self) -> Result<Channels> {
         Channels::from_count(self.channels)
     }
 
+    /// The width of the stored integers; refuses other words than `i8` and `i16`.
     pub fn width(&self) -> Result<Width> {
         match self.width.as_str() {
             "i8" => Ok(Width::I8),
@@ -130,10 +153,12 @@ impl PartEntry {
         }
     }
 
+    /// The number of tiles.
     pub fn tiles(&self) -> usize {
         self.rows.div_ceil(self.tile_rows)
     }
 
+    /// The number of files that hold them.
     pub fn shards(&self) -> usize {
         self.tiles().div_ceil(TILES_PER_SHARD)
     }
@@ -280,6 +305,7 @@ impl Manifest {
     }
 }
 
+/// The word for a width in a manifest.
 pub fn width_name(width: Width) -> &'static str {
     match width {
         Width::I8 => "i8",

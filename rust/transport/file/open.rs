@@ -33,9 +33,13 @@ pub struct Audit {
 
 /// An opened transport.
 pub struct Opened {
+    /// What the directory says of itself, checked.
     pub manifest: Manifest,
+    /// The matrices and what links them.
     pub product: Product,
+    /// What the rows of B are.
     pub receivers: ReceiverTable,
+    /// Untruncated sample groups, where the writer kept any.
     pub audit: Option<Audit>,
 }
 

@@ -23,6 +23,7 @@ const MAX_HEADER: u64 = 1 << 20;
 
 /// A number type of the format.
 pub trait Element: bytemuck::Pod + Send + Sync {
+    /// Its word in the header of a file.
     const DTYPE: Dtype;
 }
 
@@ -50,6 +51,7 @@ impl Element for i8 {
 
 /// A named array to be written.
 pub struct Tensor<'a> {
+    /// The key of the array in its file.
     pub name: String,
     dtype: Dtype,
     shape: Vec<usize>,
@@ -57,6 +59,7 @@ pub struct Tensor<'a> {
 }
 
 impl<'a> Tensor<'a> {
+    /// `items` in an array of this shape, row-major.
     pub fn new<T: Element>(name: impl Into<String>, shape: &[usize], items: &'a [T]) -> Self {
         debug_assert_eq!(shape.iter().product::<usize>(), items.len());
         Tensor { name: name.into(), dtype: T::DTYPE, shape: shape.to_vec(), bytes: bytemuck::cast_slice(items) }
@@ -179,6 +182,7 @@ impl Shard {
         }
     }
 
+    /// Whether there is an array of this name.
     pub fn has(&self, name: &str) -> bool {
         self.metadata.info(name).is_some()
     }
@@ -189,6 +193,7 @@ impl Shard {
         if found == count { Ok(()) } else { Err(self.error(format!("expected {count} arrays, found {found}"))) }
     }
 
+    /// An error about this file.
     pub fn error(&self, what: impl Into<String>) -> Error {
         Error::file(&self.path, what)
     }

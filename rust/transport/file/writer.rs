@@ -37,11 +37,17 @@ const MAX_JOB: u64 = 16 << 20;
 pub struct Part {
     /// Of lower-case letters, digits and underscores.
     pub name: String,
+    /// What its columns are.
     pub space: ColumnSpace,
+    /// Its rows, over all tiles.
     pub rows: usize,
+    /// One number for all colours, or one each.
     pub channels: Channels,
+    /// The exponent of two that all values are multiples of.
     pub quantum: i32,
+    /// Of the stored integers.
     pub width: Width,
+    /// Rows of every tile but the last: a multiple of 16, at most 16,384.
     pub tile_rows: usize,
 }
 
@@ -52,10 +58,13 @@ pub struct Description {
     pub parts: Vec<Part>,
     /// How many of them are the first stage.
     pub first: usize,
+    /// What stands between the first stage and the other parts.
     pub link: Link,
     /// JSON objects, opaque here; a camera where the receivers are its pixels.
     pub camera: Option<String>,
+    /// How M was made: a JSON object, opaque here.
     pub plan: String,
+    /// The hash of the scene that M was computed from.
     pub scene: String,
 }
 
@@ -101,6 +110,7 @@ impl Writer {
         self.shards.keys().filter(|(name, _)| name == part).map(|&(_, shard)| shard).collect()
     }
 
+    /// The directory that `finish` publishes.
     pub fn target(&self) -> &Path {
         &self.target
     }

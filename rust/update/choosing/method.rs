@@ -17,22 +17,34 @@ pub enum Method {
     /// BI: the largest changes.
     Incremental,
     /// PBI: each band is either reset or updated incrementally.
-    PerBand { test: BandTest, norm: Norm },
+    PerBand {
+        /// How it is found which.
+        test: BandTest,
+        /// How that test measures error.
+        norm: Norm,
+    },
     /// PBI for spherical harmonics: low bands first, each to a tolerance relative to the light (`harmonic.rs`).
-    HarmonicOrder { tolerance: f64 },
+    HarmonicOrder {
+        /// The error a band may keep before the next is filled, as a share of the light; a tenth of it pass by pass.
+        tolerance: f64,
+    },
 }
 
 /// How the band tests measure error, over columns and colours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Norm {
+    /// Sums of magnitudes.
     L1,
+    /// Roots of sums of squares.
     L2,
 }
 
 /// Whether a term changes the three colours of its column or one of them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Colours {
+    /// All three: a column is one candidate.
     Joint,
+    /// One: a column is three candidates.
     Separate,
 }
 
@@ -67,7 +79,10 @@ pub enum BandTest {
     /// The combination of least error, of all 2^bands.
     Exhaustive,
     /// The first bands are always incremental, the others always reset.
-    Fixed { incremental: usize },
+    Fixed {
+        /// How many bands, from the coarsest on, are never reset.
+        incremental: usize,
+    },
 }
 
 /// When a frame has sent enough.
@@ -80,7 +95,12 @@ pub enum Budget {
     Cost(f64),
     /// Until, in every colour, the sum over bands of `factors[band] * |what is still unsent in the band|_2` is at most
     /// `tolerance`. With the largest row norms of M as factors this bounds the error of every receiver.
-    Error { tolerance: f64, factors: Vec<f64> },
+    Error {
+        /// The most that may be left, in the unit of B where factors are row norms of M.
+        tolerance: f64,
+        /// One a band, not negative.
+        factors: Vec<f64>,
+    },
 }
 
 impl Budget {
@@ -97,12 +117,15 @@ impl Budget {
 /// All that choosing can be told.
 #[derive(Clone, Debug)]
 pub struct Settings {
+    /// How columns are chosen.
     pub method: Method,
+    /// When a frame has sent enough; `Method::Full` asks nothing of it.
     pub budget: Budget,
     /// What a unit of change in a column is worth: area, the norm of the column of M, ...
     pub weights: Vec<f64>,
     /// What sending a column costs, in the unit of `Budget::Cost`; empty if nothing is known of it.
     pub costs: Vec<f64>,
+    /// What a candidate is: a column, or one colour of it.
     pub colours: Colours,
 }
 

@@ -6,7 +6,7 @@
 //!     T V - T' V~ = T' (V - V~) + (T - T') V,
 //! ```
 //!
-//! so that by Cauchy-Schwarz in each band b (NUMERICS 2c, eq. 2)
+//! so that by Cauchy-Schwarz in each band b
 //!
 //! ```text
 //!     |B - B~|_i <= sum_b |T'_i,b| |(V - V~)_b| + sum_b |(T - T')_i,b| |V_b| + 2^-24 |B~_i|,
@@ -69,6 +69,7 @@ pub struct Bound {
 }
 
 impl Bound {
+    /// One pass over the stored norms of all rows, in parallel.
     pub fn new(matrix: &TransportMatrix) -> Bound {
         let a_row = matrix.bands.count() * matrix.channels.count();
         let largest = |norms: &[u16], place: usize| {

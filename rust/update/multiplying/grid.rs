@@ -3,7 +3,7 @@
 //! Values of M are integers times 2^quantum. Where all coefficients are integers times 2^exponent, every product, and
 //! so every partial sum over any subset of terms, is an integer times 2^(quantum + exponent). By Cauchy-Schwarz no such
 //! sum exceeds the norm of the row times the norm of the coefficients in it. While that stays within 2^53 units, f64
-//! holds every sum exactly: no order, no thread and no history can leave a trace (NUMERICS 2a, "exact mode").
+//! holds every sum exactly: no order, no thread and no history can leave a trace.
 //!
 //! An update passes through mixtures of the coefficients applied and the new ones; their norm, and that of the change,
 //! is at most the sum of both norms. That sum is what `holds` is asked about.
@@ -32,6 +32,7 @@ const _: () = assert!(SIGNIFICAND - HEADROOM - FEWEST_BITS == MAX_SPAN);
 /// Multiples of 2^exponent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Grid {
+    /// Of the spacing: a coefficient on the grid is an integer times 2^exponent.
     pub exponent: i32,
     /// Sums are exact while the norms of the coefficients applied and of the new ones add up to no more than this.
     pub limit: f64,

@@ -11,18 +11,22 @@ use crate::transport::tile::Tile;
 pub struct Sums(pub [[f64; GROUP]; 3]);
 
 impl Sums {
+    /// No response at all: where sums start.
     pub const ZERO: Sums = Sums([[0.0; GROUP]; 3]);
 }
 
 /// A column of M to be added, times `change`, which includes the matrix's 2^quantum.
 #[derive(Clone, Copy, Debug)]
 pub struct Move {
+    /// Its number, j.
     pub column: u32,
+    /// What V~_j moves by, times 2^quantum, in red, green and blue.
     pub change: [f64; 3],
 }
 
 /// What a walk over a tile changes.
 pub struct Target<'a> {
+    /// One for each group of the tile.
     pub sums: &'a mut [Sums],
     /// The sums start from zero, whatever they hold.
     pub afresh: bool,
@@ -39,6 +43,7 @@ const PLENTY: usize = 16;
 
 /// Moves that are added in one walk over the groups of a tile.
 pub struct Batch {
+    /// Of the list of moves, those in this batch.
     pub moves: Range<usize>,
     pub(super) sorted: bool,
 }
