@@ -1,20 +1,22 @@
 //! deltalux: **B = M V**. M is the light transport of a still scene (receivers x columns), V is what the user moves.
 //!
 //! ```text
-//! Scene -> precompute (a pass, one tile of rows at a time) -> transport (truncate -> Tile -> TransportMatrix -> file)
-//!                                                                         |
-//! Environment -> Cubemap -> V -> update (Approximation chooses an Update) -> Response B -> relight::shade -> picture
+//! Mesh, Camera -> Tracer, Receivers -> precompute (a pass, one bundle of 64 rows at a time)
+//!                 -> transport (compress_group -> Tile -> TransportMatrix -> Product; Writer -> files -> open)
+//!
+//! EnvironmentMap -> cubemap -> Haar or harmonics -> V -> Updater over a Chain
+//!                 (Approximation chooses an Update -> Response -> B) -> relight::shade -> picture
 //! ```
 //!
 //! | room | what is in it | uses |
 //! |---|---|---|
-//! | [`basis`] | columns, bands, transforms | nothing |
-//! | [`light`] | cubemaps and environments | basis |
-//! | [`scene`] | triangles, rays, receivers | nothing |
-//! | [`transport`] | M: tiles, truncation, files | basis |
-//! | [`precompute`] | passes that make M | scene, light, transport, basis |
-//! | [`update`] | B = M V, frame after frame | transport, basis |
-//! | [`relight`] | responses to pictures | update, transport, light |
+//! | [`basis`] | columns and bands; cubemaps, Haar wavelets on them and on trees, spherical harmonics | nothing |
+//! | [`light`] | environment maps: rotation, resampling, projection | basis |
+//! | [`scene`] | triangles, camera, rays, receivers | nothing |
+//! | [`transport`] | M: tiles, truncation, what links several matrices, files | basis |
+//! | [`precompute`] | passes that make M | scene, transport, basis |
+//! | [`update`] | B = M V, frame after frame: choosing, multiplying, and a bound | transport, basis |
+//! | [`relight`] | responses to pictures | nothing |
 //!
 //! [`error`] may be used by all. `python` (behind its feature) uses everything and is used by nothing.
 

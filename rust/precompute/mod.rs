@@ -1,4 +1,4 @@
-//! Making M: the only floor that meets both rays and transport. A pass is a function of (scene, settings, rows), so that
+//! Making M: the only room that meets both rays and transport. A pass is a function of (scene, settings, rows), so that
 //! any split over threads, machines or interrupted runs gives the same M.
 
 pub mod direct;

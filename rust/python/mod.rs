@@ -1,4 +1,4 @@
-//! The boundary to Python: convert, check, detach, compute, convert back; nothing else. One file per floor.
+//! The boundary to Python: convert, check, detach, compute, convert back; nothing else. One file a room or class.
 
 mod arrays;
 mod harmonics;
