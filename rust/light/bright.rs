@@ -25,6 +25,7 @@ pub struct Square {
 
 /// A square on a face of the target, in texels.
 pub struct Placed {
+    /// The face that it lies on; a square never crosses an edge.
     pub face: usize,
     x: [f64; 2],
     y: [f64; 2],

@@ -96,7 +96,8 @@ fn average_cubemap(pixels: &[[f32; 3]], source: usize, size: usize) -> Vec<[f32;
     (0..6).flat_map(|face| columns.iter().map(move |faces| faces[face])).collect()
 }
 
-/// By quadrature of the bilinear image, one and a half points a pixel or more each way, after averaging pixels that are far too fine.
+/// By quadrature of the bilinear image, one and a half points a pixel or more each way, after averaging pixels that are
+/// far too fine.
 fn average_lat_long(mut pixels: Vec<[f32; 3]>, mut width: usize, mut height: usize, size: usize) -> Vec<[f32; 3]> {
     let texel = 2.0 / size as f64;
     let pitch = |width: usize, height: usize| Layout::LatLong { width, height }.pitch();

@@ -61,6 +61,7 @@ struct Places {
 }
 
 impl Prepared {
+    /// From the whole map, once a size: averages of the base, and the bright squares.
     pub fn new(layout: Layout, pixels: &[[f32; 3]], size: usize) -> Self {
         let (base, bright) = bright::split(layout, pixels, size);
         let fine = average(layout, base, 2 * size);
@@ -73,6 +74,7 @@ impl Prepared {
         }
     }
 
+    /// Bytes held.
     pub fn bytes(&self) -> usize {
         let points = self.narrow.points.len() + self.wide.points.len();
         16 * points + 8 * self.inverse_areas.len() + std::mem::size_of_val(&self.bright[..])

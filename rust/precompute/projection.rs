@@ -32,6 +32,7 @@ pub(super) struct Scratch {
 }
 
 impl Projection {
+    /// Refuses columns that are not a basis of light.
     pub fn new(space: ColumnSpace) -> Result<Self> {
         Ok(match space {
             ColumnSpace::Haar { size } => {
@@ -50,14 +51,17 @@ impl Projection {
         })
     }
 
+    /// Texels along a face that the pass shoots.
     pub fn size(&self) -> usize {
         self.size
     }
 
+    /// What the cosine at a texel is multiplied by; the faces are alike.
     pub fn factor(&self, texel_of_face: usize) -> f32 {
         self.factors[texel_of_face]
     }
 
+    /// Fresh scratch for one thread.
     pub fn scratch(&self) -> Scratch {
         let faces = match self.basis {
             Basis::Haar(_) => 1,

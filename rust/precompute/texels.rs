@@ -4,6 +4,7 @@ use crate::basis::cubemap::{direction_to_face_uv, face_point, texel_centre, texe
 
 /// Every texel of the six faces, row-major, face after face.
 pub(super) struct Texels {
+    /// Texels along a face.
     pub size: usize,
     /// Unit direction of the centre.
     pub centre: Vec<[f32; 3]>,
@@ -20,6 +21,7 @@ fn unit(point: [f64; 3]) -> [f32; 3] {
 }
 
 impl Texels {
+    /// All tables for faces of `size` x `size` texels.
     pub fn new(size: usize) -> Self {
         let count = 6 * size * size;
         let mut texels = Texels {
@@ -44,6 +46,7 @@ impl Texels {
         texels
     }
 
+    /// Texels, over all six faces.
     pub fn len(&self) -> usize {
         self.centre.len()
     }

@@ -19,8 +19,11 @@ const MAX_EDGE_SIDE: usize = 16;
 
 /// A texel that an edge runs through: for the receivers in `rows`, the mean of V cos over its samples.
 pub(super) struct EdgeTexel {
+    /// Its number, row-major, face after face.
     pub texel: u32,
+    /// The receivers that see it and a neighbour differently, one bit each.
     pub rows: u64,
+    /// For those receivers; 0 for the others.
     pub mean: [f32; BUNDLE],
 }
 
@@ -30,6 +33,7 @@ pub(super) struct View {
     pub open: Vec<u64>,
     /// By texel, ascending.
     pub edges: Vec<EdgeTexel>,
+    /// Rays that it took.
     pub rays: Rays,
 }
 
@@ -37,11 +41,13 @@ pub(super) struct View {
 pub(super) struct Normals([[f32; BUNDLE]; 3]);
 
 impl Normals {
+    /// From at most 64 unit normals.
     pub fn new(normals: &[[f32; 3]]) -> Self {
         // Places left over look away from everything: their cosine is never above zero.
         Normals(std::array::from_fn(|axis| std::array::from_fn(|ray| normals.get(ray).map_or(0.0, |n| n[axis]))))
     }
 
+    /// Cosines between a unit direction and the normals from `first` on.
     pub fn cosines(&self, direction: [f32; 3], first: usize, cosines: &mut [f32]) {
         for (k, cosine) in cosines.iter_mut().enumerate() {
             let ray = first + k;

@@ -9,6 +9,7 @@ use pyo3::prelude::*;
 
 use crate::error::{Error, Result};
 
+/// The refusal of an array that is not in C order.
 pub(super) fn not_contiguous() -> PyErr {
     Error::input("expected a C-contiguous array").into()
 }
@@ -42,14 +43,17 @@ pub(super) fn rows<T: numpy::Element>(
     Ok(array.map_err(|error| Error::input(error.to_string()))?.into_pyarray(py))
 }
 
+/// Coefficients as a (columns, 3) array, without a copy.
 pub(super) fn table<'py>(py: Python<'py>, colours: Vec<[f64; 3]>) -> PyResult<Bound<'py, PyArray2<f64>>> {
     rows(py, (colours.len(), 3), colours.into_flattened())
 }
 
+/// A copy of rows of N numbers as an (n, N) array.
 pub(super) fn rows_of<const N: usize>(py: Python<'_>, items: &[[f32; N]]) -> PyResult<Py<PyArray2<f32>>> {
     Ok(PyArray1::from_slice(py, items.as_flattened()).reshape([items.len(), N])?.unbind())
 }
 
+/// A copy of an (n, 3) array, in any order of memory; `name` is what an error calls it.
 pub(super) fn vectors<T: numpy::Element + Copy>(name: &str, array: &PyReadonlyArray2<'_, T>) -> Result<Vec<[T; 3]>> {
     let array = array.as_array();
     if array.ncols() != 3 {
@@ -58,10 +62,12 @@ pub(super) fn vectors<T: numpy::Element + Copy>(name: &str, array: &PyReadonlyAr
     Ok(array.rows().into_iter().map(|row| [row[0], row[1], row[2]]).collect())
 }
 
+/// A copy of an array of one dimension.
 pub(super) fn to_vec<T: numpy::Element + Copy>(array: &PyReadonlyArray1<'_, T>) -> Vec<T> {
     array.as_array().iter().copied().collect()
 }
 
+/// A copy of a (rows, 3) array, row-major; `name` is what an error calls it.
 pub(super) fn to_vec_of_rows(name: &str, array: &PyReadonlyArray2<'_, f32>, rows: usize) -> Result<Vec<f32>> {
     if array.shape() != [rows, 3] {
         return Err(Error::input(format!("expected {name} of shape ({rows}, 3), got {:?}", array.shape())));

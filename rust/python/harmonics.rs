@@ -87,6 +87,7 @@ fn harmonic_window<'py>(
     table(py, compute(py, || windowed(original, width))?)
 }
 
+/// Adds what this file has for Python to the module.
 pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(harmonic_coefficients, module)?)?;
     module.add_function(wrap_pyfunction!(harmonic_values, module)?)?;

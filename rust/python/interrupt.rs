@@ -17,8 +17,11 @@ use crate::error::{Error, Result};
 /// How often waiting Python looks for Ctrl-C and moves its progress bar.
 const POLL: Duration = Duration::from_millis(50);
 
+/// Threads that the next pool is made with; 0: one a processor.
 static THREADS: AtomicUsize = AtomicUsize::new(0);
+/// The pool last made, in this process or in its parent.
 static POOL: AtomicPtr<ThreadPool> = AtomicPtr::new(std::ptr::null_mut());
+/// The process that made it.
 static OWNER: AtomicU32 = AtomicU32::new(0);
 
 /// The pool of this process, made on first use. A pool of the parent process is left alone: it cannot be joined here.
@@ -86,7 +89,9 @@ pub(crate) fn look_at<S: Send, T: Send>(py: Python<'_>, shared: &Mutex<S>, look:
 /// What long work reads and reports: whether to stop, and how far it is.
 #[derive(Default)]
 pub(crate) struct Watch {
+    /// The user has asked to stop.
     stop: AtomicBool,
+    /// Finished work, in the unit of the work.
     done: AtomicU64,
 }
 
@@ -158,6 +163,7 @@ fn threads() -> PyResult<usize> {
     Ok(pool()?.current_num_threads())
 }
 
+/// Adds what this file has for Python to the module.
 pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(set_threads, module)?)?;
     module.add_function(wrap_pyfunction!(threads, module)?)?;

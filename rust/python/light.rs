@@ -17,10 +17,12 @@ const MAX_SIZE: usize = 2048;
 /// One map of an environment: its weight, the map, and the rotation of its light as an orthogonal matrix in rows.
 pub(super) type Part = (f64, Py<PyEnvironmentMap>, [[f64; 3]; 3]);
 
+/// A map of distant radiance; see `deltalux.Environment`.
 #[pyclass(frozen, name = "EnvironmentMap", module = "deltalux._core")]
 pub(super) struct PyEnvironmentMap(EnvironmentMap);
 
 impl PyEnvironmentMap {
+    /// The map itself.
     pub(super) fn map(&self) -> &EnvironmentMap {
         &self.0
     }
@@ -64,6 +66,7 @@ fn resampled(parts: &[Part], size: usize) -> Result<Vec<[f32; 3]>> {
     Ok(radiance)
 }
 
+/// Texels as an array (6, size, size, 3).
 fn cubemap<'py, T: numpy::Element>(py: Python<'py>, size: usize, texels: Vec<T>) -> PyResult<Bound<'py, PyArray4<T>>> {
     let array = Array4::from_shape_vec((6, size, size, 3), texels);
     Ok(array.map_err(|error| Error::input(error.to_string()))?.into_pyarray(py))
@@ -135,6 +138,7 @@ fn haar_inverse<'py>(
     cubemap(py, size, radiance.into_flattened())
 }
 
+/// Refuses a number of colours that does not go with the face size.
 fn checked(expected: usize, found: usize) -> Result<()> {
     if expected == found {
         Ok(())
@@ -143,6 +147,7 @@ fn checked(expected: usize, found: usize) -> Result<()> {
     }
 }
 
+/// Adds what this file has for Python to the module.
 pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<PyEnvironmentMap>()?;
     module.add_function(wrap_pyfunction!(environment_cubemap, module)?)?;

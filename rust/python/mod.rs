@@ -37,6 +37,7 @@ impl From<Error> for PyErr {
     }
 }
 
+/// The extension module `deltalux._core`.
 #[pymodule(name = "_core")]
 fn core_module(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("FileError", module.py().get_type::<FileError>())?;

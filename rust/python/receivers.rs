@@ -21,6 +21,7 @@ impl ReceiverTable {
         Ok(ReceiverTable(table))
     }
 
+    /// What all kinds share, checked together with what one kind adds.
     fn points(
         rows: usize,
         albedo: &PyReadonlyArray2<'_, f32>,
@@ -38,14 +39,17 @@ impl ReceiverTable {
         })
     }
 
+    /// The number of rows.
     fn rows(&self) -> usize {
         self.0.albedo.len() / 3
     }
 
+    /// A copy of three numbers a row, (rows, 3).
     fn triples(&self, py: Python<'_>, items: &[f32]) -> PyResult<Py<PyArray2<f32>>> {
         Ok(PyArray1::from_slice(py, items).reshape([self.rows(), 3])?.unbind())
     }
 
+    /// The refusal of a question that only makes sense of another kind.
     fn not_of_kind(&self, wanted: &str) -> PyErr {
         Error::input(format!("expected receivers of the kind {wanted:?}, but these are {:?}", self.0.kind.name()))
             .into()
@@ -113,6 +117,7 @@ impl ReceiverTable {
         Ok(Self::points(rows, &albedo, &position, &normal, material.as_ref(), kind)?)
     }
 
+    /// The number of rows.
     fn __len__(&self) -> usize {
         self.rows()
     }
@@ -230,6 +235,7 @@ impl ReceiverTable {
     }
 }
 
+/// Adds what this file has for Python to the module.
 pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<ReceiverTable>()
 }

@@ -17,8 +17,11 @@ use super::{compute, compute_on, look_at};
 /// An approximation and the response to it; see `deltalux.Relighter`.
 #[pyclass(frozen, module = "deltalux._core")]
 pub(crate) struct Updater {
+    /// The follower; one caller at a time.
     state: Mutex<Core>,
+    /// Receivers.
     rows: usize,
+    /// Pictures to write into.
     spare: Spare,
 }
 
@@ -30,16 +33,19 @@ impl Spare {
     /// One is drawn while the next is made.
     const MOST: usize = 2;
 
+    /// A picture of so many numbers, whose content is to be written over.
     fn take(&self, length: usize) -> Vec<f32> {
         let spare = self.0.lock().unwrap_or_else(PoisonError::into_inner).pop();
         spare.unwrap_or_else(|| vec![0.0; length])
     }
 
+    /// Bytes that wait.
     fn nbytes(&self) -> usize {
         let spare = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         spare.iter().map(|picture| size_of_val(&picture[..])).sum()
     }
 
+    /// Takes a picture back, unless enough wait already.
     fn put(&self, picture: Vec<f32>) {
         let mut spare = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         if spare.len() < Self::MOST {
@@ -51,7 +57,9 @@ impl Spare {
 /// The owner of a frame's array: once the array is gone, its memory is spare.
 #[pyclass(frozen, module = "deltalux._core")]
 struct Picture {
+    /// B, rows x 3.
     values: Vec<f32>,
+    /// Where it goes afterwards.
     spare: Spare,
 }
 
@@ -76,6 +84,7 @@ impl Picture {
 type Stepped<'py> = (Bound<'py, PyArray2<f32>>, UpdateArrays<'py>, [f64; 3], bool, f64, f64);
 
 impl Updater {
+    /// A picture to be written, with its way back.
     fn picture(&self) -> Picture {
         Picture { values: self.spare.take(3 * self.rows), spare: self.spare.clone() }
     }
@@ -188,6 +197,7 @@ impl Updater {
     }
 }
 
+/// Adds what this file has for Python to the module.
 pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Updater>()
 }

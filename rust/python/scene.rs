@@ -1,4 +1,4 @@
-//! The scene and precompute floors for Python: a scene's rays, its receivers, and the pass that makes tiles of M.
+//! The rooms scene and precompute for Python: a scene's rays, its receivers, and the pass that makes tiles of M.
 
 use std::sync::Arc;
 
@@ -19,8 +19,11 @@ use super::{compute, interruptible};
 /// A scene's triangles, ready for rays.
 #[pyclass(frozen, module = "deltalux._core")]
 pub(crate) struct Scene {
+    /// Triangles in normalised coordinates.
     mesh: Mesh,
+    /// The trees over them, which passes share.
     tracer: Arc<Tracer>,
+    /// Of each of the user's triangles.
     material: Vec<u32>,
 }
 
@@ -93,6 +96,7 @@ impl Scene {
 /// Rows of M: pixel samples on surfaces.
 #[pyclass(frozen, module = "deltalux._core")]
 pub(crate) struct Receivers {
+    /// What the pass goes by.
     rows: Arc<Rows>,
     /// The user's number of each row's triangle.
     source: Vec<u32>,
@@ -102,6 +106,7 @@ pub(crate) struct Receivers {
 
 #[pymethods]
 impl Receivers {
+    /// The number of rows.
     fn __len__(&self) -> usize {
         self.rows.len()
     }
@@ -112,31 +117,37 @@ impl Receivers {
         self.rows.rays
     }
 
+    /// The pixel that each row adds to, row-major, (rows,) uint32.
     #[getter]
     fn pixel(&self, py: Python<'_>) -> Py<PyArray1<u32>> {
         PyArray1::from_slice(py, &self.rows.pixel).unbind()
     }
 
+    /// The share of its pixel that each row is, (rows,) float32.
     #[getter]
     fn weight(&self, py: Python<'_>) -> Py<PyArray1<f32>> {
         PyArray1::from_slice(py, &self.rows.weight).unbind()
     }
 
+    /// The user's number of each row's triangle, (rows,) uint32.
     #[getter]
     fn triangle(&self, py: Python<'_>) -> Py<PyArray1<u32>> {
         PyArray1::from_slice(py, &self.source).unbind()
     }
 
+    /// Weights of the triangle's corners 1 and 2 at the point, (rows, 2) float32.
     #[getter]
     fn barycentric(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f32>>> {
         rows_of(py, &self.rows.barycentric)
     }
 
+    /// The points in the user's space, lifted off their surface, (rows, 3) float32.
     #[getter]
     fn position(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f32>>> {
         rows_of(py, &self.position)
     }
 
+    /// Unit geometric normals towards the camera, (rows, 3) float32.
     #[getter]
     fn normal(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f32>>> {
         rows_of(py, &self.rows.normal)
@@ -255,6 +266,7 @@ impl DirectPass {
     }
 }
 
+/// Adds what this file has for Python to the module.
 pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Scene>()?;
     module.add_class::<Receivers>()?;

@@ -17,7 +17,9 @@ const BLOCK: usize = 64;
 /// Triangles, ready for rays of shared directions.
 #[pyclass(frozen, module = "deltalux._core")]
 pub(crate) struct Tracer {
+    /// Triangles in normalised coordinates.
     mesh: Mesh,
+    /// The trees over them.
     tracer: Core,
 }
 
@@ -52,6 +54,7 @@ fn above(normals: &[[f32; 3]], d: [f32; 3]) -> u64 {
         .fold(0, |bits, (ray, n)| bits | ((n[0] * d[0] + n[1] * d[1] + n[2] * d[2] > 0.0) as u64) << ray)
 }
 
+/// Refuses origins that are not finite, and vectors that are not of length 1.
 fn check(origins: &[[f64; 3]], normals: &[[f64; 3]], directions: &[[f64; 3]]) -> Result<()> {
     if origins.len() != normals.len() {
         return Err(Error::input(format!("expected {} normals, one an origin, got {}", origins.len(), normals.len())));
@@ -121,6 +124,7 @@ impl Tracer {
     }
 }
 
+/// Adds what this file has for Python to the module.
 pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Tracer>()
 }

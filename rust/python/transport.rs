@@ -1,4 +1,4 @@
-//! The transport floor for Python: an opened M, and tiles that are passed to a writer unseen.
+//! The room transport for Python: an opened M, and tiles that are passed to a writer unseen.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -85,6 +85,7 @@ impl Link {
 /// A light transport matrix M, opened from a directory or made in memory.
 #[pyclass(frozen, module = "deltalux._core")]
 pub(crate) struct Transport {
+    /// The product and what exact sums need; relighters share it.
     pub(crate) chain: Arc<Chain>,
     /// What only a file has.
     file: Option<Opened>,
@@ -96,6 +97,7 @@ impl Transport {
         Transport { chain: Arc::new(Chain::new(product)), file }
     }
 
+    /// The matrices, and what links them.
     fn product(&self) -> &Product {
         &self.chain.product
     }
@@ -111,10 +113,12 @@ impl Transport {
         self.product().alone().map(Arc::as_ref).ok_or_else(several)
     }
 
+    /// What only a file has; refuses a transport that was made in memory.
     fn file(&self) -> Result<&Opened> {
         self.file.as_ref().ok_or_else(|| Error::input("expected a transport that was opened from a file"))
     }
 
+    /// Stored norms of all rows, (rows, bands * channels).
     fn norms(&self, py: Python<'_>, of: fn(&Tile) -> &[u16]) -> PyResult<Py<PyArray2<f32>>> {
         let matrix = self.alone()?;
         let norms: Vec<f32> = matrix.tiles.iter().flat_map(of).map(|&bits| bf16(bits)).collect();
@@ -138,6 +142,7 @@ fn width_of(matrix: &TransportMatrix) -> Width {
     }
 }
 
+/// The width that a word stands for; refuses words other than "i8" and "i16".
 pub(super) fn parse_width(text: &str) -> Result<Width> {
     match text {
         "i8" => Ok(Width::I8),
@@ -212,6 +217,7 @@ impl Transport {
         compute(py, || Ok(Transport::new(product, None)))
     }
 
+    /// Receivers: rows of B.
     #[getter]
     fn rows(&self) -> usize {
         self.product().rows()
@@ -229,6 +235,7 @@ impl Transport {
         self.product().then.as_ref().map(|then| then.space().to_string())
     }
 
+    /// (receivers, columns of the first stage).
     #[getter]
     fn shape(&self) -> (usize, usize) {
         (self.product().rows(), self.product().first.space().columns())
@@ -246,16 +253,19 @@ impl Transport {
         self.product().factors()
     }
 
+    /// The exponent of two that all values of the receivers' matrix are multiples of.
     #[getter]
     fn quantum(&self) -> i32 {
         self.matrix().quantum
     }
 
+    /// How wide its integers are: "i8" or "i16".
     #[getter]
     fn width(&self) -> &'static str {
         width_name(width_of(self.matrix()))
     }
 
+    /// Rows of every tile of it but the last.
     #[getter]
     fn tile_rows(&self) -> usize {
         self.matrix().tile_rows
@@ -477,16 +487,19 @@ impl Transport {
         })
     }
 
+    /// Its size, columns and bytes.
     fn __repr__(&self) -> String {
         let (rows, columns) = self.shape();
         format!("Transport({rows} x {columns}, {}, {} bytes)", self.columns(), self.nbytes())
     }
 }
 
+/// A mix from an array (rows, factors).
 fn mix_of(weights: &PyReadonlyArray2<'_, f32>) -> Result<Mix> {
     Mix::new(weights.as_array().iter().copied().collect(), weights.shape()[1])
 }
 
+/// The untruncated sample groups as a matrix of one tile.
 fn audit_matrix(matrix: &TransportMatrix, audit: &Audit) -> TransportMatrix {
     TransportMatrix {
         space: matrix.space,
@@ -510,6 +523,7 @@ fn entry_bytes_of(width: &str, channels: usize) -> PyResult<usize> {
     Ok(entry_bytes(parse_width(width)?, Channels::from_count(channels)?))
 }
 
+/// Adds what this file has for Python to the module.
 pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<TileData>()?;
     module.add_class::<Link>()?;

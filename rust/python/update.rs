@@ -111,6 +111,7 @@ impl Settings {
 /// Columns, changes (m, 3) and resets of an update.
 pub(super) type UpdateArrays<'py> = (Bound<'py, PyArray1<u32>>, Bound<'py, PyArray2<f64>>, Vec<usize>);
 
+/// An update as arrays for Python.
 pub(super) fn update_arrays<'py>(py: Python<'py>, update: update::Update) -> PyResult<UpdateArrays<'py>> {
     let columns = PyArray1::from_iter(py, update.terms.iter().map(|term| term.column));
     let changes: Vec<f64> = update.terms.iter().flat_map(|term| term.change).collect();
@@ -124,6 +125,7 @@ pub(super) type Given<'py> = (Vec<usize>, PyReadonlyArray1<'py, u32>);
 /// A copy of V that follows it within a budget (`update/choosing/approximation.rs`).
 #[pyclass(frozen, module = "deltalux._core")]
 struct Approximation {
+    /// The copy; one caller at a time.
     state: Mutex<update::Approximation>,
 }
 
@@ -158,15 +160,18 @@ impl Approximation {
         update_arrays(py, update)
     }
 
+    /// V~, what has been applied so far: (columns, 3) float64.
     fn values<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         table(py, look_at(py, &self.state, |state| state.values().to_vec()))
     }
 
+    /// Starts again from these values, (columns, 3) float64, bit for bit.
     fn set_values(&self, py: Python<'_>, values: PyReadonlyArray2<f64>) -> PyResult<()> {
         let values = coefficients(&values)?;
         compute_on(py, &self.state, |state| state.set_values(values))
     }
 
+    /// Whether the values are `target`, bit for bit.
     fn is_converged(&self, py: Python<'_>, target: PyReadonlyArray2<f64>) -> PyResult<bool> {
         let target = coefficients(&target)?;
         Ok(look_at(py, &self.state, |state| state.is_converged(target)))
@@ -180,6 +185,7 @@ fn column_bands<'py>(py: Python<'py>, columns: &str) -> PyResult<(Vec<usize>, Bo
     Ok((bands.starts, PyArray1::from_vec(py, bands.areas)))
 }
 
+/// Adds what this file has for Python to the module.
 pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Method>()?;
     module.add_class::<Settings>()?;

@@ -21,6 +21,7 @@ type PartTuple = (String, String, usize, usize, i32, String, usize);
 #[pyclass(frozen, module = "deltalux._core")]
 struct TransportWriter(Mutex<Option<Writer>>);
 
+/// The refusal of a writer that has published its transport or failed to.
 fn finished_error() -> Error {
     Error::input("this writer has finished: open another one")
 }
@@ -93,6 +94,7 @@ impl TransportWriter {
     }
 }
 
+/// Adds what this file has for Python to the module.
 pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<TransportWriter>()
 }

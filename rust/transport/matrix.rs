@@ -1,7 +1,7 @@
 //! The light transport matrix M: tiles one above the other, and what can be asked of it.
 //!
-//! Multiplying by light, frame after frame, is `update/multiplying/response.rs`; here is what is asked once: rows, norms, copies
-//! for other libraries, the transpose, a smaller version.
+//! Multiplying by light, frame after frame, is `update/multiplying/response.rs`; here is what is asked once: rows, norms,
+//! copies for other libraries, the transpose, a smaller version.
 
 use rayon::prelude::*;
 

@@ -244,6 +244,7 @@ mod avx2 {
         _mm256_add_ps(_mm256_shuffle_ps::<0x88>(c01, c23), _mm256_shuffle_ps::<0xdd>(c01, c23))
     }
 
+    /// `Kernel::screen`, eight columns at a time.
     #[inline]
     #[target_feature(enable = "avx2")]
     pub fn screen<const C: usize>(planes: [&[Rows16]; C], limits: &[f32]) -> Screened<C> {
@@ -277,6 +278,7 @@ mod avx2 {
         screened
     }
 
+    /// `Kernel::largest`, sixteen lanes at a time.
     #[inline]
     #[target_feature(enable = "avx2")]
     pub fn largest(lanes: &Rows16) -> f32 {
@@ -288,6 +290,7 @@ mod avx2 {
         _mm256_cvtss_f32(_mm256_max_ps(c, _mm256_permute_ps::<0b10_11_00_01>(c)))
     }
 
+    /// `Kernel::nearest`, sixteen lanes at a time.
     #[inline]
     #[target_feature(enable = "avx2")]
     pub fn nearest(lanes: &Rows16, exponent: i32) -> ([i16; GROUP], Rows16) {

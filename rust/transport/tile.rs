@@ -54,7 +54,8 @@ impl<T> From<Vec<T>> for Slab<T> {
     }
 }
 
-/// The integers of a tile, 16 for each entry and channel. Eight bits are enough for images; sixteen serve untruncated transport.
+/// The integers of a tile, 16 for each entry and channel. Eight bits are enough for images; sixteen serve untruncated
+/// transport.
 #[derive(Clone)]
 pub enum Values {
     /// Magnitudes up to 127.

@@ -8,9 +8,9 @@
 //!     sum_l T_lj^2 * weight_j^2 >= threshold^2,    weight_j = sqrt(E[V_j^2]): for light the root of column j's area
 //! ```
 //!
-//! The first columns are always kept (`Bands::always`). What is kept is rounded to integers times 2^(quantum + shift), with the least shift that fits the width. What a row
-//! loses, by dropping and by rounding, is summed per band and stored rounded up: the bound |B - M V| <= sum_b dropped_b
-//! ||V_b|| holds.
+//! The first columns are always kept (`Bands::always`). What is kept is rounded to integers times 2^(quantum + shift),
+//! with the least shift that fits the width. What a row loses, by dropping and by rounding, is summed per band and stored
+//! rounded up: the bound |B - M V| <= sum_b dropped_b ||V_b|| holds.
 //!
 //! Sums with light are exact while a row's norm is at most 2^27 of its unit (`MAX_SPAN`). Rows of a group share their
 //! unit: where one of them is longer (a narrow lobe), all entries of the group take a shift at which it is not. So no row

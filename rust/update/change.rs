@@ -30,7 +30,9 @@ pub struct Update {
 
 /// What a frame does: which bands start anew, and which candidates are sent.
 pub(in crate::update) struct Choice {
+    /// One a band: whether it is set to zero first.
     pub anew: Vec<bool>,
+    /// Numbers of candidates, each once.
     pub sent: Vec<u32>,
 }
 

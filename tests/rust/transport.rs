@@ -1,4 +1,4 @@
-//! The transport floor: truncation and tiles against the dense oracle.
+//! Transport: truncation and tiles against the dense oracle.
 
 use _core::basis::ColumnSpace;
 use _core::error::Error;

@@ -34,6 +34,7 @@ pub(super) struct Beam<L> {
     /// u, v, depth, and height over the patch's plane, of each packet of eight rays.
     pub(super) at: [[[f32; 8]; PACKETS]; 4],
     rises: bool,
+    /// What boxes and triangles must meet.
     pub(super) reach: Reach<L>,
     /// The bounds of each packet, one packet a lane.
     packet_low: [[f32; 8]; 3],
@@ -186,10 +187,12 @@ pub(super) struct Starts {
     nodes: Vec<Node>,
     /// Boxes (node, child) that are leaves, and those that are not.
     pub(super) leaves: Vec<(u32, u32)>,
+    /// Inner boxes, which the walk goes on from.
     pub(super) queue: Vec<(u32, u32)>,
 }
 
 impl Starts {
+    /// Forgets the last block, and keeps the memory.
     pub(super) fn clear(&mut self) {
         self.nodes.clear();
         self.leaves.clear();

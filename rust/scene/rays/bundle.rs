@@ -2,6 +2,7 @@
 
 /// Rays of a bundle.
 pub const BUNDLE: usize = 64;
+/// Packets of eight rays in a bundle.
 pub(super) const PACKETS: usize = BUNDLE / 8;
 
 /// Origins within this many median steps of each other belong to one patch.
@@ -11,6 +12,7 @@ const LINK: f32 = 3.0;
 #[repr(C, align(32))]
 #[derive(Clone)]
 pub struct Bundle {
+    /// `[axis][packet][ray]`.
     pub(super) origin: [[[f32; 8]; PACKETS]; 3],
     /// Origins that lie close together, one bit each, and a normal of their surface. A bundle across a silhouette comes
     /// apart here: one beam around both sides would meet everything between them.

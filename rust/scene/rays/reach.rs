@@ -17,13 +17,16 @@ pub(super) const SLACK: f32 = 2e-6;
 #[repr(C, align(32))]
 #[derive(Clone)]
 pub(super) struct Node {
+    /// The middle of each child's box, axis by axis.
     pub centre: [[f32; 8]; 3],
     /// Negative for a child that is not there: its box meets nothing.
     pub half: [[f32; 8]; 3],
+    /// A node's number, or a leaf's with `LEAF` set.
     pub child: [u32; 8],
 }
 
 impl Node {
+    /// Eight children that are not there.
     pub(super) fn empty() -> Self {
         Node { centre: [[0.0; 8]; 3], half: [[-1e30; 8]; 3], child: [0; 8] }
     }
@@ -32,7 +35,9 @@ impl Node {
 /// The tree of eight-wide nodes that beams walk; made by `tracer.rs` from the binary tree.
 #[derive(Default)]
 pub struct WideTree {
+    /// The root is the first.
     pub(super) nodes: Vec<Node>,
+    /// Up to eight triangles each.
     pub(super) leaves: Vec<Leaf>,
 }
 
@@ -40,6 +45,7 @@ pub struct WideTree {
 pub(super) struct BeamFrame {
     /// u, v and the direction itself.
     pub(super) axes: [[f32; 3]; 3],
+    /// A normal of the surface under the origins.
     pub(super) normal: [f32; 3],
     /// Whether the direction leads away from the surface.
     pub(super) rises: bool,
@@ -75,9 +81,11 @@ pub(super) struct Reach<L> {
     pub(super) up: [L; 3],
     /// Bounds in u and v, and of the origins' depths.
     pub(super) low: [f32; 3],
+    /// The upper ends of the same.
     pub(super) high: [f32; 3],
     /// Signs of the direction's components: a box is behind when its sides lie before the first origin along any axis.
     sign: [L; 3],
+    /// The first origin along each axis, in the sense of the direction.
     pub(super) behind: [f32; 3],
     /// The origins' heights over their plane reach down to this.
     pub(super) floor: f32,
@@ -157,16 +165,19 @@ pub(super) struct Boxes<L> {
     ahead: u32,
 }
 
+/// Each component in all lanes.
 #[inline(always)]
 pub(super) fn splat<L: Eight>(of: &[f32; 3]) -> [L; 3] {
     [L::splat(of[0]), L::splat(of[1]), L::splat(of[2])]
 }
 
+/// Eight vectors, one a lane.
 #[inline(always)]
 pub(super) fn load<L: Eight>(of: &[[f32; 8]; 3]) -> [L; 3] {
     [L::load(&of[0]), L::load(&of[1]), L::load(&of[2])]
 }
 
+/// Magnitudes, component by component.
 #[inline(always)]
 pub(super) fn abs<L: Eight>(of: &[L; 3]) -> [L; 3] {
     [of[0].abs(), of[1].abs(), of[2].abs()]

@@ -17,6 +17,7 @@ const SINGLE: u32 = 4;
 #[repr(C, align(32))]
 #[derive(Clone)]
 pub(super) struct Leaf {
+    /// In the normalised scene.
     pub corner: [[[f32; 8]; 3]; 3],
 }
 

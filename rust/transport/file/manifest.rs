@@ -124,7 +124,9 @@ pub struct Manifest {
 /// What a newcomer sees first in a manifest of whatever version.
 #[derive(Deserialize)]
 pub(super) struct Preamble {
+    /// `FORMAT`, or it is no manifest of ours.
     pub format: String,
+    /// [major, minor]; the major one says how to read on.
     pub version: [u32; 2],
 }
 

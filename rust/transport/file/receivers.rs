@@ -6,6 +6,7 @@ use crate::transport::receivers::{ReceiverKind, ReceiverTable};
 use super::manifest::Manifest;
 use super::shard::{Shard, Tensor};
 
+/// Reads and checks `receivers.safetensors`, of the kind that the manifest names.
 pub(super) fn read(file: &Shard, manifest: &Manifest) -> Result<ReceiverTable> {
     let rows = manifest.receiving().rows;
     let (kind, own) = match (manifest.receivers.kind.as_str(), manifest.receivers.image) {

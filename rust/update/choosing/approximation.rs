@@ -28,10 +28,10 @@
 //!
 //! Three rules where the papers are silent. A band is only listed as reset if it holds anything to forget. A budget of
 //! nothing changes nothing: a reset without terms would only lose light (`Nonlinear` and `Linear` excepted: their values
-//! are always exactly their terms). And as there are no images of bands (`multiplying/response.rs`), a reset streams every column
-//! that its band holds: a budget in cost pays for them before it pays for terms. A reset that does not fit is not made,
-//! and its band goes on incrementally; one that fits sends the light in those columns, which then costs nothing more.
-//! (Where all that is held is reset, sums start from zero, and only terms cost.)
+//! are always exactly their terms). And as there are no images of bands (`multiplying/response.rs`), a reset streams
+//! every column that its band holds: a budget in cost pays for them before it pays for terms. A reset that does not fit is
+//! not made, and its band goes on incrementally; one that fits sends the light in those columns, which then costs nothing
+//! more. (Where all that is held is reset, sums start from zero, and only terms cost.)
 
 use crate::basis::Bands;
 use crate::error::{Error, Result};

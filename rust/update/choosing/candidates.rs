@@ -9,14 +9,19 @@ use super::method::{Colours, Norm};
 
 /// One frame's light against the values applied so far.
 pub(super) struct Candidates<'a> {
+    /// How the columns group into bands.
     pub bands: &'a Bands,
+    /// Whether a candidate is a column or one colour of it.
     pub colours: Colours,
+    /// What a unit of change is worth, one a column.
     pub weights: &'a [f64],
     /// One a column, or empty: then a column costs nothing.
     pub costs: &'a [f64],
     /// L^new and L~ of Overbeck 2006, Fig. 6.1.
     pub target: &'a [[f64; 3]],
+    /// V~, the other of the two.
     pub values: &'a [[f64; 3]],
+    /// All keys, measured for this frame.
     pub scratch: &'a Keys,
 }
 
@@ -87,6 +92,7 @@ impl Keys {
 }
 
 impl Candidates<'_> {
+    /// How many there are: one a column, or three.
     pub fn candidates(&self) -> usize {
         self.target.len() * self.colours.per_column()
     }
@@ -97,6 +103,7 @@ impl Candidates<'_> {
         columns.start * self.colours.per_column()..columns.end * self.colours.per_column()
     }
 
+    /// The band that a candidate's column is in.
     pub fn band(&self, candidate: u32) -> usize {
         self.bands.of(candidate as usize / self.colours.per_column())
     }

@@ -19,6 +19,7 @@ use super::select;
 /// Passes before the tolerance is taken as zero: a tenth each, down to the precision of f64.
 const PASSES: i32 = 16;
 
+/// What Fig. 8.1 sends within the budget; no band starts anew.
 pub(super) fn choose(candidates: &Candidates, budget: &Budget, tolerance: f64) -> Choice {
     let anew = vec![false; candidates.bands.count()];
     let mut sent = order(candidates, tolerance);

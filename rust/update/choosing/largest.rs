@@ -8,7 +8,9 @@ use std::cmp::Ordering;
 /// A candidate and its key.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Keyed {
+    /// What sending it is worth.
     pub key: f64,
+    /// Its number.
     pub candidate: u32,
 }
 
@@ -29,6 +31,7 @@ impl Largest {
     /// Keys that are compared with the floor at once.
     const BLOCK: usize = 64;
 
+    /// For the `count` largest.
     pub fn new(count: usize) -> Self {
         Largest { count, floor: 0.0, found: Vec::new() }
     }

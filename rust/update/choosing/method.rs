@@ -133,6 +133,7 @@ pub struct Settings {
 const MAX_WEIGHT: f64 = 1e30;
 
 impl Settings {
+    /// Refuses numbers that are negative or too large, and lists of the wrong length.
     pub(super) fn check(&self, bands: &Bands) -> Result<()> {
         check_numbers("weights", &self.weights, bands.columns(), MAX_WEIGHT)?;
         if !self.costs.is_empty() {

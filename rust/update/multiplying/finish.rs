@@ -71,7 +71,9 @@ pub(in crate::update) fn write(matrix: &TransportMatrix, response: &Response, ou
 /// The nodes' response.
 #[derive(Clone, Copy)]
 pub(in crate::update) struct Node<'a> {
+    /// The exact sums of all nodes.
     pub response: &'a Response,
+    /// Nodes of every tile but the last.
     pub tile_rows: usize,
 }
 

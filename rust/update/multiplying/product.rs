@@ -13,7 +13,8 @@ const TOGETHER: usize = 4;
 
 /// B = M V for each of `lights` (columns x 3 each), written one after the other into `out` (lights x rows x 3).
 ///
-/// `span` is `Span::of(matrix)`. Coefficients are rounded to the finest grid that is exact for each light (`Grid::for_light`); B is rounded once.
+/// `span` is `Span::of(matrix)`. Coefficients are rounded to the finest grid that is exact for each light
+/// (`Grid::for_light`); B is rounded once.
 pub fn multiply(matrix: &TransportMatrix, span: Span, lights: &[&[[f64; 3]]], out: &mut [f32]) -> Result<()> {
     let gridded = lights
         .iter()

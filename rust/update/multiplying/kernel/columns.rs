@@ -45,6 +45,7 @@ const PLENTY: usize = 16;
 pub struct Batch {
     /// Of the list of moves, those in this batch.
     pub moves: Range<usize>,
+    /// Read by `Sorted`, not by `Marks`.
     pub(super) sorted: bool,
 }
 
@@ -75,7 +76,9 @@ pub fn batches(tile: &Tile, moves: &[Move]) -> Vec<Batch> {
 /// What walks over tiles need besides, kept between them.
 #[derive(Default)]
 pub struct Scratch {
+    /// For batches whose columns are well filled.
     pub(super) marks: Marks,
+    /// For batches whose columns are nearly empty.
     pub(super) sorted: Sorted,
 }
 
@@ -83,8 +86,11 @@ pub struct Scratch {
 ///
 /// INVARIANT: between walks all marks are zero.
 pub(super) struct Marks {
+    /// One bit a move, for each group of the largest tile.
     pub groups: Vec<u64>,
+    /// For each move the next entry to be read.
     pub cursors: [u32; MARKED],
+    /// For each move what it is multiplied by.
     pub changes: [Spread; MARKED],
 }
 
@@ -121,13 +127,16 @@ impl Marks {
 pub(super) struct Sorted {
     /// The items of group g are `items[ends[g - 1]..ends[g]]`.
     ends: Vec<u32>,
+    /// In the order of the groups; the memory is kept between batches.
     pub items: Vec<Item>,
 }
 
 /// An entry and the move it belongs to.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Item {
+    /// Its place in the tile.
     pub entry: u32,
+    /// The move's place in the batch.
     pub moved: u32,
 }
 
@@ -185,13 +194,16 @@ pub(super) static POWERS: [f64; 64] = {
 
 /// A tile's arrays, of one width of integers and one number of channels.
 pub(super) struct Columns<'a, T, const C: usize> {
+    /// Entries of column j are `starts[j]..starts[j + 1]`.
     pub starts: &'a [u32],
+    /// Group number and shift of each entry.
     pub words: &'a [u16],
     /// The integers of each entry, channel by channel.
     pub entries: &'a [[[T; GROUP]; C]],
 }
 
 impl<T, const C: usize> Columns<'_, T, C> {
+    /// The entries of the column that moves.
     pub fn range(&self, moved: &Move) -> Range<usize> {
         let column = moved.column as usize;
         self.starts[column] as usize..self.starts[column + 1] as usize

@@ -8,10 +8,11 @@
 //!
 //! Measured beside the f32 AVX2 prototype, which adds entry by entry into sums in cache, interleaved on one machine
 //! (`benches/multiply.rs`): 1.2 to 1.4 times its time for a frame, 1.2 to 1.6 times for the whole product.
-//! Tried and dropped: walks of 256 moves at once (their streams evict each other); images of bands (`multiplying/response.rs`).
+//! Tried and dropped: walks of 256 moves at once (their streams evict each other); images of bands
+//! (`multiplying/response.rs`).
 //!
-//! All sums are exact (`update/multiplying/grid.rs`): order, batches, fused multiply-add or not, and the number of threads leave
-//! the same bits.
+//! All sums are exact (`multiplying/grid.rs`): order, batches, fused multiply-add or not, and the number of threads
+//! leave the same bits.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;

@@ -3,6 +3,7 @@
 use super::columns::{Columns, Integer, Marks, Move, POWERS, Sorted, Sums, Target};
 use crate::transport::entry::{GROUP, GROUP_BITS};
 
+/// Adds a batch of at most 64 moves, found by their marks.
 pub(super) fn walk_marked<T: Integer, const C: usize>(
     columns: &Columns<'_, T, C>,
     moves: &[Move],
@@ -21,6 +22,7 @@ pub(super) fn walk_marked<T: Integer, const C: usize>(
     });
 }
 
+/// Adds a batch of any number of moves, sorted by group.
 pub(super) fn walk_sorted<T: Integer, const C: usize>(
     columns: &Columns<'_, T, C>,
     moves: &[Move],
