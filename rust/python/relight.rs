@@ -83,6 +83,9 @@ impl Picture {
 /// B (rows, 3), the update, the bound in three colours, converged, seconds of choosing and of multiplying.
 type Stepped<'py> = (Bound<'py, PyArray2<f32>>, UpdateArrays<'py>, [f64; 3], bool, f64, f64);
 
+/// V on its grid and V~, each (columns, 3).
+type Prepared<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
+
 impl Updater {
     /// A picture to be written, with its way back.
     fn picture(&self) -> Picture {
@@ -118,11 +121,7 @@ impl Updater {
 
     /// What somebody else may choose from in the frame towards `light`: V on its grid and V~, each (columns, 3) float64;
     /// None where it is settled what the first frame takes.
-    fn prepare<'py>(
-        &self,
-        py: Python<'py>,
-        light: PyReadonlyArray2<'py, f64>,
-    ) -> PyResult<Option<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>)>> {
+    fn prepare<'py>(&self, py: Python<'py>, light: PyReadonlyArray2<'py, f64>) -> PyResult<Option<Prepared<'py>>> {
         let light = coefficients(&light)?;
         let copied = compute_on(py, &self.state, |state| {
             Ok(state.prepare(light)?.map(|(target, values)| (target.to_vec(), values.to_vec())))

@@ -180,8 +180,8 @@ fn compress_with<K: Kernel, const C: usize>(
                 keep_block::<K, C>(planes, start..part.end.min(start + BLOCK), rule, least, &mut norms, out)?;
             }
         }
-        for channel in 0..C {
-            for lane in 0..GROUP {
+        for (channel, squares) in squares.iter_mut().enumerate() {
+            for (lane, square) in squares.iter_mut().enumerate() {
                 let dropped = norms.dropped(channel, lane);
                 if !dropped.is_finite() {
                     return Err(Error::input("expected finite transport coefficients, found NaN or infinity"));
@@ -189,7 +189,7 @@ fn compress_with<K: Kernel, const C: usize>(
                 let (kept, place) = (norms.kept[channel][lane], (lane * count + band) * C + channel);
                 out.kept[place] = bf16_up(kept.sqrt() * MARGIN);
                 out.dropped[place] = bf16_up(dropped);
-                squares[channel][lane] += kept;
+                *square += kept;
             }
         }
     }

@@ -75,8 +75,8 @@ impl Applied {
         sent: impl Iterator<Item = (usize, Range<usize>)>,
         target: &[[f64; 3]],
     ) -> Update {
-        for band in 0..bands.count() {
-            self.held[band] = self.held[band] && (!anew[band] || self.holds(bands, band));
+        for (band, &anew) in anew.iter().enumerate() {
+            self.held[band] = self.held[band] && (!anew || self.holds(bands, band));
         }
         let resets: Vec<usize> = (0..bands.count()).filter(|&band| anew[band] && self.held[band]).collect();
         let afresh = (0..bands.count()).all(|band| anew[band] || !self.held[band]);

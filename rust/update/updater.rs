@@ -44,6 +44,9 @@ pub struct Step {
     pub multiplying: f64,
 }
 
+/// V on its grid, and V~: one colour a column each.
+pub type TargetAndValues<'a> = (&'a [[f64; 3]], &'a [[f64; 3]]);
+
 /// One follower of the light over one chain.
 pub struct Updater {
     chain: Arc<Chain>,
@@ -103,7 +106,7 @@ impl Updater {
     }
 
     /// What somebody else may choose from: V on its grid, and V~. None where it is settled what the first frame takes.
-    pub fn prepare(&mut self, light: &[[f64; 3]]) -> Result<Option<(&[[f64; 3]], &[[f64; 3]])>> {
+    pub fn prepare(&mut self, light: &[[f64; 3]]) -> Result<Option<TargetAndValues<'_>>> {
         self.first.receive(light)?;
         let settled = matches!(self.initial, Some(Initial::Full | Initial::Nonlinear));
         Ok((!settled).then(|| (self.first.target(), self.first.values())))
