@@ -7,4 +7,5 @@ mod harmonics;
 mod light;
 mod response;
 mod scene;
+mod suite;
 mod transport;
