@@ -5,6 +5,7 @@ mod basis;
 mod file;
 mod harmonics;
 mod light;
+mod pass;
 mod response;
 mod scene;
 mod suite;
