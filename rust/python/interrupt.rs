@@ -145,7 +145,17 @@ pub(crate) fn interruptible<T: Send>(
     })
 }
 
-/// Sets how many threads later calls use (0: as many as there are processors).
+/// Sets how many threads later calls use.
+///
+/// Parameters
+/// ----------
+/// threads
+///     1 to 1024; 0: as many as there are processors.
+///
+/// Raises
+/// ------
+/// ValueError
+///     If there are more.
 #[pyfunction]
 fn set_threads(threads: usize) -> PyResult<()> {
     if threads > 1024 {
@@ -157,7 +167,11 @@ fn set_threads(threads: usize) -> PyResult<()> {
     Ok(())
 }
 
-/// How many threads the pool has.
+/// How many threads calls use.
+///
+/// Returns
+/// -------
+/// int
 #[pyfunction]
 fn threads() -> PyResult<usize> {
     Ok(pool()?.current_num_threads())

@@ -70,6 +70,69 @@ def test_relight_writes_frames_and_a_table(tiny, tmp_path, method, capsys):
         assert all(int(row["columns"]) <= 7 for row in rows[1:])
 
 
+MINE = """
+from __future__ import annotations
+from dataclasses import dataclass
+import deltalux as dl
+
+@dataclass(frozen=True, repr=False)
+class Mine(dl.Method):
+    first: int = 0
+
+    def choose(self, state: dl.State) -> dl.Choice:
+        return dl.Choice(columns=(-state.worth()).argsort()[self.first:])
+
+class Stubborn(dl.Method):
+    def __init__(self, colour):
+        super().__init__()
+
+    def choose(self, state):
+        return dl.Choice()
+
+class Wild(dl.Method):
+    def choose(self, state):
+        return dl.Choice(columns=[10**6])
+
+class Nothing(dl.Method):
+    pass
+"""
+
+
+def test_a_method_of_one_s_own_follows_reports_and_studies(tiny, tmp_path, capsys):
+    (tmp_path / "mine.py").write_text(MINE)
+    own, light = ["--method", f"{tmp_path / 'mine.py'}:Mine"], ["--env", "hall", "--frames", "4"]
+    assert cli.main(["relight", str(tiny), *light, *own, "--terms", "7", "-o", str(tmp_path / "frames")]) == 0
+    with open(tmp_path / "frames" / "frames.csv", newline="") as file:
+        assert [int(row["columns"]) for row in csv.DictReader(file)][1:] == [7, 7, 7]
+    assert cli.main(["report", str(tiny), *light, "--hold", "2", *own, *own, "-o", str(tmp_path / "report")]) == 0
+    with open(tmp_path / "report" / "methods.csv", newline="") as file:
+        text = file.read()
+    assert "Mine-30," in text and "Mine-30 (2)," in text
+    assert "Mine" in (tmp_path / "report" / "index.html").read_text()
+    assert (
+        cli.main(
+            [
+                "study",
+                "lighting-error",
+                "--scene",
+                str(tiny),
+                *light[:2],
+                "--frames",
+                "8",
+                *own,
+                "-o",
+                str(tmp_path / "study"),
+            ]
+        )
+        == 0
+    )
+    assert any("Mine" in path.read_text() for path in (tmp_path / "study").glob("*.csv"))
+    # What a method answers is known only when it is asked: the frames before stay.
+    wild = ["--method", f"{tmp_path / 'mine.py'}:Wild"]
+    assert cli.main(["relight", str(tiny), *light, *wild, "-o", str(tmp_path / "wild")]) == 2
+    assert "1000000" in capsys.readouterr().err and (tmp_path / "wild" / "frame-0000.png").exists()
+
+
 @pytest.mark.parametrize("name", SEQUENCES)
 def test_every_sequence_moves_the_light(tiny, tmp_path, name):
     out = tmp_path / name
@@ -142,6 +205,20 @@ BAD = {
         "OUT",
     ],
     "a sequence without light": ["relight", "TINY", "--sequence", "painting", "-o", "OUT"],
+    "an own method without choose": ["relight", "TINY", "--env", "hall", "--method", "PY/mine.py:Nothing", "-o", "OUT"],
+    "an own method that is not there": ["relight", "TINY", "--env", "hall", "--method", "PY/mine.py:Nope", "-o", "OUT"],
+    "a file of methods that is not there": ["report", "TINY", "--env", "hall", "--method", "PY/x.py:Mine", "-o", "OUT"],
+    "a file of methods that fails": ["report", "TINY", "--env", "hall", "--method", "PY/broken.py:Mine", "-o", "OUT"],
+    "an own method without terms": [
+        "study",
+        "lighting-error",
+        "--env",
+        "hall",
+        "--method",
+        "PY/mine.py:Stubborn",
+        "-o",
+        "OUT",
+    ],
     "an unknown sequence": ["relight", "TINY", "--env", "hall", "--sequence", "walk", "-o", "OUT"],
     "an unknown study": ["study", "energies", "-o", "OUT"],
     "a study of pictures without a scene": ["study", "equal-time", "-o", "OUT"],
@@ -198,9 +275,11 @@ BAD = {
 @pytest.mark.parametrize("what", BAD)
 def test_bad_input_is_one_sentence_and_status_2_with_nothing_written(what, tiny, tmp_path, capsys):
     (tmp_path / "file.hdr").write_text("not a picture")
+    (tmp_path / "mine.py").write_text(MINE)
+    (tmp_path / "broken.py").write_text("import nothing_of_the_kind")
     before = everything(tmp_path), everything(tiny.parent)
-    names = {"OUT": str(tmp_path / "out"), "FILE": str(tmp_path / "file.hdr"), "TINY": str(tiny)}
-    arguments = [re.sub("^(OUT|FILE|TINY)", lambda name: names[name[0]], text) for text in BAD[what]]
+    names = {"OUT": str(tmp_path / "out"), "FILE": str(tmp_path / "file.hdr"), "TINY": str(tiny), "PY": str(tmp_path)}
+    arguments = [re.sub("^(OUT|FILE|TINY|PY)", lambda name: names[name[0]], text) for text in BAD[what]]
     try:
         assert cli.main(arguments) == 2
     finally:

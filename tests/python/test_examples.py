@@ -77,6 +77,14 @@ def test_data_set(tmp_path, monkeypatch, model, light):
     np.testing.assert_allclose(foretold, images[10, ..., 0], atol=2e-3 * images.max())
 
 
+def test_own_method(monkeypatch, capsys, model, light):
+    run(monkeypatch, "own_method.py", model, light, "--size", "16x16", "--columns", "haar:8", "--terms", 12)
+    head, *rows = capsys.readouterr().out.splitlines()
+    assert head.split()[:2] == ["image", "error"]
+    assert [row.split("(")[0] for row in rows] == ["Nonlinear", "Incremental", "PerBand", "Energy"]
+    assert all(row.endswith("yes") for row in rows)
+
+
 def test_data_set_without_a_light_takes_the_built_in_ones(tmp_path, monkeypatch, model):
     run(monkeypatch, "data_set.py", model, tmp_path / "set.npz", "--count", 1, "--size", "8x8", "--columns", "sh:2")
     with np.load(tmp_path / "set.npz") as found:

@@ -5,6 +5,8 @@ mod basis;
 mod file;
 mod harmonics;
 mod light;
+mod pass;
 mod response;
 mod scene;
+mod suite;
 mod transport;

@@ -14,7 +14,7 @@ use proptest::prelude::*;
 const QUANTUM: i32 = -24;
 
 /// A reproducible stream of numbers in [-1, 1).
-fn noise(seed: u64) -> impl FnMut() -> f64 {
+pub fn noise(seed: u64) -> impl FnMut() -> f64 {
     let mut state = seed.wrapping_mul(2).wrapping_add(1);
     move || {
         state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);

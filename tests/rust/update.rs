@@ -21,9 +21,9 @@ fn bands() -> Bands {
 const PER_BAND: fn(BandTest, Norm) -> Method = |test, norm| Method::PerBand { test, norm };
 
 /// The one list that a new method joins.
-fn methods() -> impl Strategy<Value = Method> {
+pub fn every_method() -> Vec<Method> {
     use {BandTest::*, Norm::*};
-    prop::sample::select(vec![
+    vec![
         Method::Full,
         Method::Nonlinear,
         Method::Linear,
@@ -36,7 +36,11 @@ fn methods() -> impl Strategy<Value = Method> {
         PER_BAND(Exhaustive, L2),
         PER_BAND(Fixed { incremental: 2 }, L1),
         Method::HarmonicOrder { tolerance: 5e-4 },
-    ])
+    ]
+}
+
+fn methods() -> impl Strategy<Value = Method> {
+    prop::sample::select(every_method())
 }
 
 fn settings() -> impl Strategy<Value = Settings> {

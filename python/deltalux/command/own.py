@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
+import sys
 from pathlib import Path
 
 from ..update.methods import Method
 
-__all__ = ["OWN", "add_own", "own_of", "read_own"]
+__all__ = ["OWN", "add_own", "read_own"]
 
 OWN = "FILE.py:CLASS"
+TERMS = 30
 
 
 def read_own(text: str) -> type[Method]:
@@ -27,10 +29,12 @@ def read_own(text: str) -> type[Method]:
         raise argparse.ArgumentTypeError(f"expected a method of your own as {OWN}, got {text!r}")
     if not path.is_file():
         raise argparse.ArgumentTypeError(f"expected the file {path}, which does not exist")
-    spec = importlib.util.spec_from_file_location(path.stem, path)
+    # Under a name that hides no other module; dataclasses look theirs up by it.
+    spec = importlib.util.spec_from_file_location(f"_own_{path.stem}", path)
     if spec is None or spec.loader is None:
         raise argparse.ArgumentTypeError(f"expected a Python module, got {path}")
     module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
     try:
         spec.loader.exec_module(module)
     except Exception as error:
@@ -38,16 +42,20 @@ def read_own(text: str) -> type[Method]:
     found = getattr(module, name, None)
     if not (isinstance(found, type) and issubclass(found, Method)) or found.choose is Method.choose:
         raise argparse.ArgumentTypeError(f"expected {name} in {path} to be a deltalux.Method with choose(state)")
+    try:
+        found(terms=TERMS)
+    except (TypeError, ValueError) as error:
+        raise argparse.ArgumentTypeError(f"{name}(terms={TERMS}) of {path} cannot be made: {error}") from None
     return found
 
 
 def add_own(command: argparse.ArgumentParser) -> None:
     """The argument of commands that compare methods."""
     command.add_argument(
-        "--method", type=read_own, action="append", default=[], metavar=OWN, help="a method of your own, of 30 terms"
+        "--method",
+        type=lambda text: read_own(text)(terms=TERMS),
+        action="append",
+        default=[],
+        metavar=OWN,
+        help=f"a method of your own, of {TERMS} terms",
     )
-
-
-def own_of(chosen: argparse.Namespace) -> list[Method]:
-    """The methods asked for, with the budget of the papers."""
-    return [kind(terms=30) for kind in chosen.method]

@@ -8,7 +8,7 @@ from typing import Any
 from ..report import check_report, report
 from ..transport.transport import Transport
 from .arguments import add_command, add_light, add_motion, environment_of, motion_of, say
-from .own import add_own, own_of
+from .own import add_own
 
 
 def add(commands: Any) -> None:
@@ -33,6 +33,6 @@ def _report(chosen: argparse.Namespace) -> None:
         frames=motion.frames,
         hold=motion.hold,
         axis=motion.axis,
-        methods=own_of(chosen),
+        methods=chosen.method,
     )
     say(f"{page.parent.absolute()} holds the report; open {page.absolute()} in a browser")

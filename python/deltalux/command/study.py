@@ -14,7 +14,7 @@ from ..scene.builtin.catalogue import SCENES
 from ..studies import STUDIES, check_study, study
 from ..transport.transport import Transport
 from .arguments import add_command, add_light, add_motion, environment_of, motion_of, read_size, say, scene_of
-from .own import add_own, own_of
+from .own import add_own
 
 _STUDY_LIGHT = "hall"
 
@@ -43,7 +43,7 @@ def _study(chosen: argparse.Namespace) -> None:
     name, motion = chosen.study, motion_of(chosen)
     folder = Path(chosen.output or f"deltalux-study-{name}")
     envs = [environment_of(env, chosen) for env in chosen.env or [_STUDY_LIGHT]]
-    columns, own = parse(chosen.columns), own_of(chosen)
+    columns, own = parse(chosen.columns), chosen.method
     if not isinstance(columns, Haar):
         raise ValueError(f"studies follow wavelets: expected --columns haar:N, got {columns}")
     if STUDIES[name].needs_scene and not chosen.scene:

@@ -14,7 +14,7 @@ from ..light.motion import Motion
 from ..progress import Progress, reporter
 from ..transport.transport import Transport
 from ..update.methods import Method
-from .entrants import EXACT, Entrant
+from .entrants import EXACT, Entrant, own
 from .replay import Replay, replay, time_frames
 
 __all__ = ["Comparison", "compare"]
@@ -95,26 +95,27 @@ def compare(
     ValueError
         If there is nothing to compare, or an argument cannot be used.
     """
-    if not methods or not all(isinstance(method, Method) for method in methods):
-        raise ValueError(f"expected a list of update methods such as [PerBand(terms=30)], got {methods!r}")
+    if not methods:
+        raise ValueError("expected at least one update method such as PerBand(terms=30)")
     motion = motion or Motion()
-    rows = [EXACT, *(Entrant(f"{k} {method!r}", "own", method) for k, method in enumerate(methods))]
+    rows = [EXACT, *own(methods)]
     found = replay(
         transport, env, motion, rows, show=lambda *_: None, progress=reporter(progress, f"{env.name}: errors")
     )
     seconds, _ = time_frames(
         transport, env, motion, rows, threads=used_threads(), progress=reporter(progress, f"{env.name}: times")
     )
-    return [_row(entrant.name, found, seconds[entrant.name], motion) for entrant in rows[1:]]
+    return [_row(entrant, found, seconds[entrant.name], motion) for entrant in rows[1:]]
 
 
-def _row(name: str, found: Replay, seconds: NDArray[np.float64], motion: Motion) -> Comparison:
+def _row(entrant: Entrant, found: Replay, seconds: NDArray[np.float64], motion: Motion) -> Comparison:
+    name = entrant.name
     turning = slice(1, motion.stop + 1)
     mean = {what: float(found.column(name, what)[turning].mean()) for what in _MEANS}
     median, p95 = 1e3 * np.percentile(seconds[turning, 0], (50, 95))
     records = found.records[name]
     return Comparison(
-        method=name.partition(" ")[2],
+        method=repr(entrant.method),
         light_l1=mean["light_l1"],
         light_l2=mean["light_l2"],
         image_l1=mean["image_l1"],

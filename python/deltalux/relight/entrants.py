@@ -5,6 +5,7 @@ An entrant's name is made of its family and its budget, and it stands as its own
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -72,7 +73,15 @@ BI_30 = bi(30)
 PBI_30, PBI_100 = pbi(30), pbi(100)
 
 
-def own(method: Method) -> Entrant:
-    """A method of one's own, under the name of its class."""
-    budget = method.terms if method.terms is not None else ""
-    return Entrant(f"{type(method).__name__}-{budget}".rstrip("-"), "own", method)
+def own(methods: Sequence[Method]) -> tuple[Entrant, ...]:
+    """Methods of one's own, each under the name of its class and a name of its own."""
+    entrants: dict[str, Entrant] = {}
+    for method in methods:
+        if not isinstance(method, Method):
+            raise ValueError(f"expected update methods such as PerBand(terms=30), got {method!r}")
+        budget = "" if method.terms is None else f"-{method.terms}"
+        name = f"{type(method).__name__}{budget}"
+        alike = sum(known.partition(" (")[0] == name for known in entrants)
+        name = f"{name} ({alike + 1})" if alike else name
+        entrants[name] = Entrant(name, "own", method)
+    return tuple(entrants.values())

@@ -133,6 +133,11 @@ class Relighter:
         light
             An `Environment`, or V itself, (columns, 3).
 
+        Returns
+        -------
+        Frame
+            The response under the light as applied now, and how far it is from the exact one at most.
+
         Raises
         ------
         ValueError
@@ -197,7 +202,18 @@ class Relighter:
         return self._core.write()
 
     def bounds(self, frame: Frame) -> NDArray[np.float32]:
-        """The bound of every receiver, (rows, 3) float32, for the frame of the last step."""
+        """The bound of every receiver by itself; `Frame.bound` is the largest of them.
+
+        Parameters
+        ----------
+        frame
+            What the last step gave.
+
+        Returns
+        -------
+        (rows, 3) float32
+            In the unit of `Frame.values`.
+        """
         return self._core.bounds(frame.values)
 
     @property

@@ -140,7 +140,7 @@ def report(
     """
     envs, motion = _environments(env), Motion(rotate, frames, hold, axis)
     check_report(envs, folder, motion)
-    rows = (*METHODS, *(own(method) for method in methods))
+    rows = (*METHODS, *own(methods))
     path = claim(folder, _file_names(envs, motion))
     chapters = []
     for k, light in enumerate(envs):

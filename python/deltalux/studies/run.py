@@ -38,7 +38,7 @@ def check_study(
 
     Parameters
     ----------
-    name, folder, env, transport, motion, columns
+    name, folder, env, transport, motion, columns, methods
         As `study`.
 
     Returns
@@ -68,7 +68,7 @@ def check_study(
     if methods and not STUDIES[name].takes_methods:
         taking = ", ".join(name for name, study in STUDIES.items() if study.takes_methods)
         raise ValueError(f"methods of one's own take part in the studies {taking}, not in {name!r}")
-    others = tuple(own(method) for method in methods)
+    others = own(methods)
     cases = [Case(light, motion, _haar(found), found, others) for found in transports for light in envs]
     cases = cases or [Case(light, motion, columns or Haar(64), own=others) for light in envs]
     chapters = [(slug(case.name, k), case) for k, case in enumerate(cases)]

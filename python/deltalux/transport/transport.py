@@ -36,6 +36,11 @@ class Transport:
     """The light transport matrix M of a still scene: B = M V.
 
     Made by `precompute` and opened by `Transport.open`. Nothing in it changes: any number of relighters share one.
+
+    Parameters
+    ----------
+    core
+        The transport of the core; `Transport.open` and `precompute` bring it.
     """
 
     def __init__(self, core: CoreTransport) -> None:
@@ -44,6 +49,15 @@ class Transport:
     @staticmethod
     def open(path: str | os.PathLike[str]) -> Transport:
         """Opens a transport directory by memory map, after checking every file in it.
+
+        Parameters
+        ----------
+        path
+            The directory that `precompute` made, with whatever version.
+
+        Returns
+        -------
+        Transport
 
         Raises
         ------
@@ -138,7 +152,17 @@ class Transport:
         return self.receivers
 
     def coefficients(self, env: Environment) -> NDArray[np.float64]:
-        """V: an environment in the columns of M, (columns, 3) float64."""
+        """V: an environment in the columns of M.
+
+        Parameters
+        ----------
+        env
+            The light.
+
+        Returns
+        -------
+        (columns, 3) float64
+        """
         return self.columns.coefficients(env)
 
     def multiply(self, V: ArrayLike, *, mix: ArrayLike | None = None) -> NDArray[np.float32]:
@@ -228,6 +252,11 @@ class Transport:
         -------
         (height, width, 3) float32
             Linear radiance, row 0 at the top.
+
+        Raises
+        ------
+        ValueError
+            If the shape is wrong, the rows are not pixels, or an environment is given and the file names no camera.
         """
         values = np.ascontiguousarray(B, np.float32)
         if values.shape != (self.shape[0], 3):
@@ -309,7 +338,23 @@ class Transport:
     dtype = np.dtype(np.float64)
 
     def matmat(self, x: ArrayLike) -> NDArray[np.float64]:
-        """M x, for x (columns,) or (columns, k): float64; ValueError where each colour has its own M."""
+        """M x, as scipy asks it.
+
+        Parameters
+        ----------
+        x
+            (columns,) or (columns, k), real.
+
+        Returns
+        -------
+        (rows,) or (rows, k) float64
+            To single precision, as `multiply`.
+
+        Raises
+        ------
+        ValueError
+            If each colour has an M of its own.
+        """
         if self.channels != 1:
             raise ValueError("expected a transport of one channel; take `to_scipy(channel)`, or `multiply` for colours")
         columns = np.asarray(x, np.float64).reshape(self.shape[1], -1).T
@@ -321,26 +366,79 @@ class Transport:
         return np.array(flat, np.float64).reshape((self.shape[0], *np.shape(x)[1:]))
 
     def rmatmat(self, y: ArrayLike) -> NDArray[np.float64]:
-        """The transpose of M times y, for y (rows,) or (rows, k): float64."""
+        """The transpose of M times y, as scipy asks it.
+
+        Parameters
+        ----------
+        y
+            (rows,) or (rows, k), real.
+
+        Returns
+        -------
+        (columns,) or (columns, k) float64
+        """
         stacked = np.ascontiguousarray(np.asarray(y, np.float64).reshape(self.shape[0], -1))
         return self._core.transpose_multiply(stacked).reshape((self.shape[1], *np.shape(y)[1:]))
 
     matvec, rmatvec = matmat, rmatmat
 
     def linear_operator(self) -> scipy.sparse.linalg.LinearOperator:
-        """M and its transpose as a scipy LinearOperator, float64."""
+        """M and its transpose as an operator.
+
+        Returns
+        -------
+        scipy.sparse.linalg.LinearOperator
+            (rows, columns), float64.
+        """
         import scipy.sparse.linalg
 
         return scipy.sparse.linalg.aslinearoperator(self)
 
     def truncated(self, path: str | os.PathLike[str], tolerance: float) -> Transport:
-        """Writes a smaller transport with a larger stated error, and opens it."""
+        """Writes a smaller transport with a larger stated error, and opens it.
+
+        Parameters
+        ----------
+        path
+            Directory to make.
+        tolerance
+            Relative L2 error of the image that truncation may cause.
+
+        Returns
+        -------
+        Transport
+            Opened from `path`.
+
+        Raises
+        ------
+        ValueError
+            If the tolerance is out of range, or the transport has several parts.
+        OSError
+            If the disk refuses.
+        """
         threshold, _, _ = self._core.threshold_for(tolerance)
         self._core.truncate_to(path, threshold, plan=self._core.plan)
         return Transport.open(path)
 
     def coarsened(self, tolerance: float, width: str) -> Transport:
-        """The same with a larger stated error, in integers of this width ("i8" or "i16"); in memory, no receivers."""
+        """The same with a larger stated error, in memory and without receivers.
+
+        Parameters
+        ----------
+        tolerance
+            As for `truncated`.
+        width
+            Of the integers that hold its values: "i8" or "i16".
+
+        Returns
+        -------
+        Transport
+
+        Raises
+        ------
+        ValueError
+            If an argument cannot be used, or the transport has several parts.
+        """
         threshold, _, _ = self._core.threshold_for(tolerance, width=width)
         return Transport(self._core.truncated(threshold, width=width))
 

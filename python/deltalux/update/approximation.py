@@ -109,6 +109,11 @@ class Approximation:
         target
             (columns, 3): V, where the light now is.
 
+        Returns
+        -------
+        Update
+            What was sent.
+
         Raises
         ------
         ValueError
@@ -127,7 +132,22 @@ class Approximation:
         return self._core.values()
 
     def is_converged(self, target: ArrayLike) -> bool:
-        """Whether the values are exactly this light."""
+        """Whether the values are exactly this light.
+
+        Parameters
+        ----------
+        target
+            (columns, 3): V.
+
+        Returns
+        -------
+        bool
+
+        Raises
+        ------
+        ValueError
+            If the shape is wrong.
+        """
         return self._core.is_converged(_coefficients(target, len(self._core)))
 
 

@@ -98,6 +98,11 @@ class Method:
         -------
         Choice
             Bands to reset, and columns in the order of their worth.
+
+        Raises
+        ------
+        NotImplementedError
+            If the method is one of the package's, which the core asks.
         """
         raise NotImplementedError(f"{type(self).__name__} has no choose(state)")
 
@@ -113,7 +118,7 @@ class Method:
 
 @dataclass(frozen=True, repr=False, init=False)
 class Full(Method):
-    """Every column that differs, in every frame: the exact product. It has no budget."""
+    """Every column that differs, in every frame: the exact product. It has no budget and nothing to set."""
 
     def __init__(self) -> None:
         # More than there can be.
@@ -122,7 +127,7 @@ class Full(Method):
     def __repr__(self) -> str:
         return "Full()"
 
-    def core(self) -> CoreMethod:  # noqa: D102
+    def core(self) -> CoreMethod:
         return CoreMethod.full()
 
 
@@ -130,10 +135,18 @@ class Full(Method):
 class Nonlinear(Method):
     """NWA, non-linear wavelet approximation: the largest terms of the light, from black, in every frame.
 
-    Budget, ``weight`` and ``channels`` are those of `Method`.
+    Parameters
+    ----------
+    terms, milliseconds, error, weight, channels
+        As for `Method`.
+
+    Raises
+    ------
+    ValueError
+        As `Method`.
     """
 
-    def core(self) -> CoreMethod:  # noqa: D102
+    def core(self) -> CoreMethod:
         return CoreMethod.nonlinear()
 
 
@@ -142,10 +155,19 @@ class Linear(Method):
     """Linear approximation: the first columns of the light and no others, from black, in every frame.
 
     ``Linear(terms=25)`` on spherical harmonics of any order is lighting of order 5: its columns stand degree by degree.
-    Budget and ``channels`` are those of `Method`; ``weight`` changes nothing.
+
+    Parameters
+    ----------
+    terms, milliseconds, error, weight, channels
+        As for `Method`; ``weight`` changes nothing.
+
+    Raises
+    ------
+    ValueError
+        As `Method`.
     """
 
-    def core(self) -> CoreMethod:  # noqa: D102
+    def core(self) -> CoreMethod:
         return CoreMethod.linear()
 
 
@@ -153,10 +175,18 @@ class Linear(Method):
 class Incremental(Method):
     """BI, basic incremental updates: the largest changes of the light.
 
-    Budget, ``weight`` and ``channels`` are those of `Method`.
+    Parameters
+    ----------
+    terms, milliseconds, error, weight, channels
+        As for `Method`.
+
+    Raises
+    ------
+    ValueError
+        As `Method`.
     """
 
-    def core(self) -> CoreMethod:  # noqa: D102
+    def core(self) -> CoreMethod:
         return CoreMethod.incremental()
 
 
@@ -164,12 +194,23 @@ class Incremental(Method):
 class PerBand(Method):
     """PBI, per-band incremental updates: each band is either changed or started anew (Fig. 6.1).
 
-    ``test`` decides: ``"simple"`` (is the light nearer to our copy than to zero?), ``"dealer"`` (together with the
-    allocation, term by term), ``"exhaustive"`` (all combinations) or ``"fixed"`` (the ``fixed`` coarsest bands are
-    incremental, the others always reset: NWA in those, which never converges). ``norm`` is the error they measure,
-    over columns and colours, in the weights of the choice: ``"l1"`` or ``"l2"``.
+    Parameters
+    ----------
+    test
+        ``"simple"`` (is the light nearer to our copy than to zero?), ``"dealer"`` (together with the allocation, term
+        by term), ``"exhaustive"`` (all combinations) or ``"fixed"`` (the ``fixed`` coarsest bands are incremental,
+        the others always reset: NWA in those, which never converges).
+    norm
+        The error that the tests measure, over columns and colours, in the weights of the choice: "l1" or "l2".
+    fixed
+        How many of the coarsest bands are always incremental, with ``test="fixed"`` and no other.
+    terms, milliseconds, error, weight, channels
+        As for `Method`.
 
-    Budget, ``weight`` and ``channels`` are those of `Method`.
+    Raises
+    ------
+    ValueError
+        As `Method`, or if settings do not go together.
     """
 
     test: str = "simple"
@@ -192,7 +233,7 @@ class PerBand(Method):
                 f"test={self.test!r} minimises error within a budget: expected terms= or milliseconds=, got error="
             )
 
-    def core(self) -> CoreMethod:  # noqa: D102
+    def core(self) -> CoreMethod:
         return CoreMethod.per_band(test=self.test, norm=self.norm, fixed=self.fixed)
 
 
@@ -200,8 +241,19 @@ class PerBand(Method):
 class HarmonicOrder(Method):
     """PBI for spherical harmonics: low bands first, each to a tolerance, a tenth of it in each later pass.
 
-    ``tolerance`` is relative to the norm of the light. A band that gets no term keeps its values (Fig. 8.1, in the
-    reading that does not zero it). Budget, ``weight`` and ``channels`` are those of `Method`.
+    A band that gets no term keeps its values (Fig. 8.1, in the reading that does not zero it).
+
+    Parameters
+    ----------
+    tolerance
+        Relative to the norm of the light.
+    terms, milliseconds, error, weight, channels
+        As for `Method`.
+
+    Raises
+    ------
+    ValueError
+        As `Method`.
     """
 
     terms: int | None = 25
@@ -212,5 +264,5 @@ class HarmonicOrder(Method):
         super().__post_init__()
         object.__setattr__(self, "tolerance", amount("tolerance", self.tolerance))
 
-    def core(self) -> CoreMethod:  # noqa: D102
+    def core(self) -> CoreMethod:
         return CoreMethod.harmonic_order(tolerance=self.tolerance)

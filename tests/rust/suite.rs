@@ -1,0 +1,265 @@
+//! One suite: every form of storage x every space of columns x every method, followed through frames and held against
+//! plain products in f64. A new form, space or method joins by one line.
+
+use std::sync::Arc;
+
+use _core::basis::{ColumnSpace, HaarTree};
+use _core::transport::{Channels, Dense, Factors, Link, Product, TransportMatrix, Weights, Width};
+use _core::update::{Budget, Chain, Colours, Initial, Mix, Settings, Updater};
+
+use crate::transport::{matrix, noise};
+use crate::update::every_method;
+
+type Light = Vec<[f64; 3]>;
+
+const ROWS: usize = 40;
+const TERMS: usize = 24;
+
+fn spaces() -> Vec<ColumnSpace> {
+    vec![ColumnSpace::haar(4).unwrap(), ColumnSpace::spherical_harmonics(6).unwrap()]
+}
+
+/// A product, its mix, and what it stands for in f64.
+struct Form {
+    product: Product,
+    mix: Option<Mix>,
+    oracle: Oracle,
+}
+
+/// From V to B, both in f64.
+type Oracle = Box<dyn Fn(&[[f64; 3]]) -> Vec<[f64; 3]>>;
+/// A form over a column space.
+type Make = fn(ColumnSpace) -> Form;
+
+/// The one list that a new form joins.
+const FORMS: [(&str, Make); 8] = [
+    ("i8", |space| one(matrix(space, ROWS, Channels::One, 1, Width::I8))),
+    ("i16", |space| one(matrix(space, ROWS, Channels::One, 2, Width::I16))),
+    ("three channels", |space| one(matrix(space, ROWS, Channels::Three, 3, Width::I8))),
+    ("factors", |space| {
+        let each: Vec<_> = (4..7).map(|seed| Arc::new(matrix(space, ROWS, Channels::One, seed, Width::I8))).collect();
+        let product = Product::new(Factors::new(each.clone()).unwrap(), Link::None, None).unwrap();
+        let oracles: Vec<_> = each.iter().map(|matrix| dense(matrix)).collect();
+        mixed(product, move |light| oracles.iter().map(|oracle| oracle(light)).collect())
+    }),
+    ("nodes", |space| {
+        let direct = Arc::new(matrix(space, ROWS, Channels::One, 7, Width::I8));
+        let nodes = Arc::new(matrix(space, 20, Channels::Three, 8, Width::I8));
+        let starts: Vec<u32> = (0..=ROWS as u32).map(|row| 2 * row).collect();
+        let named: Vec<u32> = (0..2 * ROWS as u32).map(|k| k * 7 % 20).collect();
+        let amounts: Vec<u16> = (0..2 * ROWS as u16).map(|k| k * 37 % 200).collect();
+        let weights = Weights::new(starts.into(), named.into(), amounts.into(), -8, 20).unwrap();
+        let link = Link::Weights(Arc::new(weights.clone()));
+        let (first, second) = (dense(&direct), dense(&nodes));
+        Form {
+            product: Product::new(Factors::new(vec![direct, nodes]).unwrap(), link, None).unwrap(),
+            mix: None,
+            oracle: Box::new(move |light| {
+                let (mut sums, nodes) = (first(light), second(light));
+                for (row, sum) in sums.iter_mut().enumerate() {
+                    for (node, weight) in weights.row(row) {
+                        (0..3).for_each(|c| sum[c] += weight * nodes[node][c]);
+                    }
+                }
+                sums
+            }),
+        }
+    }),
+    ("tree", |space| {
+        let mut random = noise(9);
+        let tree = HaarTree::new((0..20).map(|_| random().max(0.0)).collect()).unwrap();
+        let samples = Arc::new(matrix(space, 20, Channels::One, 10, Width::I16));
+        let each: Vec<_> =
+            (11..13).map(|seed| Arc::new(matrix(tree.space(), ROWS, Channels::One, seed, Width::I8))).collect();
+        let (gathered, then): (_, Vec<_>) = (dense(&samples), each.iter().map(|matrix| dense(matrix)).collect());
+        let link = Link::Tree(Arc::new(tree.clone()));
+        let product =
+            Product::new(Factors::new(vec![samples]).unwrap(), link, Some(Factors::new(each).unwrap())).unwrap();
+        mixed(product, move |light| {
+            let light = tree.forward(&gathered(light));
+            then.iter().map(|oracle| oracle(&light)).collect()
+        })
+    }),
+    ("tree with direct light", |_| {
+        // The samples' own columns: what arrives at them is added to what is sent out by them.
+        let tree = HaarTree::new(vec![1.0; 16]).unwrap();
+        let bounced = Arc::new(matrix(tree.space(), 16, Channels::One, 13, Width::I16));
+        let gathering = Arc::new(matrix(tree.space(), ROWS, Channels::One, 14, Width::I8));
+        let (more, then) = (dense(&bounced), dense(&gathering));
+        let product = Product::new(
+            Factors::new(vec![bounced]).unwrap(),
+            Link::Tree(Arc::new(tree.clone())),
+            Some(Factors::new(vec![gathering]).unwrap()),
+        )
+        .unwrap();
+        let oracle = Box::new(move |light: &[[f64; 3]]| {
+            let mut sum = tree.forward(&more(light));
+            sum.iter_mut().zip(light).for_each(|(sum, direct)| (0..3).for_each(|c| sum[c] += direct[c]));
+            then(&sum)
+        });
+        Form { product, mix: None, oracle }
+    }),
+    ("representatives", |space| {
+        let clusters = ColumnSpace::representatives(5, 3).unwrap();
+        let each = |space, rows, seeds: std::ops::Range<u64>| -> Vec<Arc<TransportMatrix>> {
+            seeds.map(|seed| Arc::new(matrix(space, rows, Channels::One, seed, Width::I16))).collect()
+        };
+        let (firsts, seconds) = (each(space, clusters.columns(), 15..17), each(clusters, ROWS, 17..19));
+        let pairs: Vec<_> = firsts.iter().zip(&seconds).map(|(first, then)| (dense(first), dense(then))).collect();
+        let product =
+            Product::new(Factors::new(firsts).unwrap(), Link::Representatives, Some(Factors::new(seconds).unwrap()))
+                .unwrap();
+        mixed(product, move |light| pairs.iter().map(|(first, then)| then(&first(light))).collect())
+    }),
+];
+
+/// What a matrix holds, as a plain product.
+fn dense(matrix: &TransportMatrix) -> impl Fn(&[[f64; 3]]) -> Vec<[f64; 3]> + 'static {
+    let dense = Dense::of(matrix);
+    move |light| {
+        dense.multiply(light.as_flattened(), 3).chunks_exact(3).map(|colours| colours.try_into().unwrap()).collect()
+    }
+}
+
+fn one(matrix: TransportMatrix) -> Form {
+    let oracle = Box::new(dense(&matrix));
+    let first = Factors::new(vec![Arc::new(matrix)]).unwrap();
+    Form { product: Product::new(first, Link::None, None).unwrap(), mix: None, oracle }
+}
+
+/// Factors that are mixed by weights of either sign.
+fn mixed(product: Product, responses: impl Fn(&[[f64; 3]]) -> Vec<Vec<[f64; 3]>> + 'static) -> Form {
+    let factors = product.factors();
+    let mut random = noise(20);
+    let mix = Mix::new((0..ROWS * factors).map(|_| random() as f32).collect(), factors).unwrap();
+    let own = mix.clone();
+    let oracle = Box::new(move |light: &[[f64; 3]]| {
+        let each = responses(light);
+        let of_row = |row: usize, c: usize| {
+            own.row(row).iter().zip(&each).map(|(&weight, rows)| f64::from(weight) * rows[row][c]).sum()
+        };
+        (0..ROWS).map(|row| std::array::from_fn(|c| of_row(row, c))).collect()
+    });
+    Form { product, mix: Some(mix), oracle }
+}
+
+fn settings(space: ColumnSpace, method: _core::update::Method, terms: usize) -> Settings {
+    let areas = space.bands().areas;
+    let costs = vec![1.0; areas.len()];
+    Settings { method, budget: Budget::Terms(terms), weights: areas, costs, colours: Colours::Joint }
+}
+
+/// Integers, which every grid holds: what is compared is choosing and multiplying.
+fn light(columns: usize, seed: u64) -> Light {
+    let mut random = noise(seed);
+    (0..columns).map(|_| std::array::from_fn(|_| (1000.0 * random().powi(3)).round())).collect()
+}
+
+fn between(a: &[[f64; 3]], b: &[[f64; 3]], t: f64) -> Light {
+    a.iter().zip(b).map(|(a, b)| std::array::from_fn(|c| (a[c] + t * (b[c] - a[c])).round())).collect()
+}
+
+#[test]
+fn every_form_under_every_method_is_within_its_bound_and_ends_exact() {
+    for (name, form) in FORMS {
+        for (space, method) in
+            spaces().into_iter().flat_map(|space| every_method().into_iter().map(move |m| (space, m)))
+        {
+            let Form { product, mix, oracle } = form(space);
+            let chain = Arc::new(Chain::new(product));
+            let (product, space) = (&chain.product, chain.product.first.space());
+            let second = product.then.as_ref().map(|then| settings(then.space(), method, usize::MAX));
+            let mut follow =
+                Updater::new(Arc::clone(&chain), settings(space, method, TERMS), second, Initial::Black).unwrap();
+            if let Some(mix) = &mix {
+                follow.set_mix(mix.clone()).unwrap();
+            }
+            let (from, to) = (light(space.columns(), 21), light(space.columns(), 22));
+            let moving = (0..8).map(|frame| between(&from, &to, f64::from(frame) / 7.0));
+            let still = std::iter::repeat_n(to.clone(), space.columns().div_ceil(TERMS) + 1);
+            let mut converged = false;
+            let (mut out, mut bounds) = (vec![0.0; 3 * ROWS], vec![0.0; 3 * ROWS]);
+            for (frame, target) in moving.chain(still).enumerate() {
+                let step = follow.step(&target, &mut out).unwrap();
+                converged = step.converged;
+                follow.bounds(&out, &mut bounds).unwrap();
+                let exact = oracle(&target);
+                for (k, ((&found, &bound), exact)) in out.iter().zip(&bounds).zip(exact.as_flattened()).enumerate() {
+                    let error = (f64::from(found) - exact).abs();
+                    assert!(
+                        error <= f64::from(bound),
+                        "{name}, {method:?}, frame {frame}, value {k}: {error} > {bound}"
+                    );
+                    assert!(
+                        error <= step.bound[k % 3],
+                        "{name}, {method:?}, frame {frame}: {error} > {:?}",
+                        step.bound
+                    );
+                }
+            }
+            // Those that start anew in every frame, or keep bands that do, never hold more than their budget.
+            use _core::update::{BandTest, Method};
+            let never = matches!(
+                method,
+                Method::Nonlinear | Method::Linear | Method::PerBand { test: BandTest::Fixed { .. }, .. }
+            );
+            assert!(converged || never, "{name}, {space}, {method:?}: not converged");
+            if converged {
+                let mut fresh = vec![0.0; 3 * ROWS];
+                chain.multiply(&[&to], mix.as_ref(), &mut fresh).unwrap();
+                assert_eq!(out, fresh, "{name}, {space}, {method:?}: other bits than a fresh product");
+            }
+        }
+    }
+}
+
+/// A transform keeps the integral of the square; a constant is one coefficient.
+#[test]
+fn haar_over_a_tree_is_orthonormal_under_its_areas() {
+    let mut random = noise(30);
+    for samples in [1, 2, 3, 8, 21, 64] {
+        let areas: Vec<f64> = (0..samples).map(|k| if k % 5 == 4 { 0.0 } else { 0.1 + random().abs() }).collect();
+        let tree = HaarTree::new(areas.clone()).unwrap();
+        let values: Light = (0..samples).map(|_| [random(), random(), random()]).collect();
+        let coefficients = tree.forward(&values);
+        let total: f64 = areas.iter().sum();
+        for c in 0..3 {
+            let integral: f64 = values.iter().zip(&areas).map(|(value, area)| value[c] * value[c] * area).sum();
+            let squares: f64 = coefficients.iter().map(|x| x[c] * x[c]).sum();
+            assert!((integral - squares).abs() <= 1e-12 * integral, "{samples} samples: {integral} and {squares}");
+        }
+        let constant = tree.forward(&vec![[2.0, 0.0, -1.0]; samples]);
+        assert!((constant[0][0] - 2.0 * total.sqrt()).abs() < 1e-12 * total.sqrt());
+        assert!(constant[1..].iter().flatten().all(|x| x.abs() < 1e-12 * total.sqrt()));
+    }
+    assert!(HaarTree::new(vec![0.0; 4]).is_err() && HaarTree::new(vec![1.0, f64::NAN]).is_err());
+    assert!(HaarTree::new(vec![]).is_err() && HaarTree::new(vec![1.0, -1.0]).is_err());
+}
+
+#[test]
+fn products_that_do_not_fit_together_are_refused() {
+    let space = ColumnSpace::haar(4).unwrap();
+    let of = |space, rows, seed| Arc::new(matrix(space, rows, Channels::One, seed, Width::I8));
+    let factors = |each: Vec<Arc<TransportMatrix>>| Factors::new(each).unwrap();
+    let tree = Arc::new(HaarTree::new(vec![1.0; 20]).unwrap());
+    let weights = |rows: u32, nodes: usize| {
+        let starts: Vec<u32> = (0..=rows).collect();
+        let named = vec![nodes as u32 - 1; rows as usize];
+        Arc::new(Weights::new(starts.into(), named.into(), vec![1u16; rows as usize].into(), 0, nodes).unwrap())
+    };
+    assert!(Factors::new(vec![]).is_err());
+    assert!(Factors::new(vec![of(space, 40, 1), of(ColumnSpace::haar(2).unwrap(), 40, 1)]).is_err());
+    let first = factors(vec![of(space, 20, 1)]);
+    let then = Some(factors(vec![of(tree.space(), 40, 2)]));
+    let alike = Product::new;
+    assert!(alike(first.clone(), Link::Tree(Arc::clone(&tree)), then.clone()).is_ok());
+    assert!(alike(first.clone(), Link::Tree(Arc::clone(&tree)), None).is_err());
+    assert!(alike(first.clone(), Link::None, then.clone()).is_err());
+    assert!(alike(factors(vec![of(space, 21, 1)]), Link::Tree(Arc::clone(&tree)), then.clone()).is_err());
+    assert!(alike(first.clone(), Link::Representatives, then).is_err());
+    assert!(alike(factors(vec![of(space, 20, 1), of(space, 21, 1)]), Link::None, None).is_err());
+    let both = factors(vec![of(space, 40, 1), of(space, 20, 1)]);
+    assert!(alike(both.clone(), Link::Weights(weights(40, 20)), None).is_ok());
+    assert!(alike(both.clone(), Link::Weights(weights(39, 20)), None).is_err());
+    assert!(alike(both, Link::Weights(weights(40, 21)), None).is_err());
+}
