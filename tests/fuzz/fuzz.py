@@ -24,6 +24,7 @@ from typing import Any
 
 import deltalux as dl
 import numpy as np
+from deltalux.transport.receivers import Pixels
 
 sys.path.insert(0, str(Path(__file__).parent))
 import mutations as mu  # noqa: E402
@@ -86,11 +87,15 @@ def _harmed_text(text: bytes, rng: Random) -> bytes:
 def open_transport(folder: Path) -> None:
     """What was taken for whole must also bear use."""
     transport = dl.Transport.open(folder)
-    _, columns = transport.shape
-    product = transport.multiply(np.ones((columns, 3)))
-    transport.image(product)
-    transport.row(0)
-    _ = transport.column_norms, transport.audit, transport.columns
+    rows, columns = transport.shape
+    mix = np.ones((rows, transport.factors)) if transport.factors > 1 else None
+    product = transport.multiply(np.ones((columns, 3)), mix=mix)
+    _ = transport.column_norms, transport.audit, transport.columns, transport.second_columns
+    dl.Relighter(transport, dl.PerBand(terms=3), mix=mix).step(np.ones((columns, 3)))
+    if isinstance(transport.receivers, Pixels):
+        transport.image(product)
+        transport.row(0)
+        _ = str(transport.plan), transport.camera
 
 
 def load_scene(folder: Path) -> None:

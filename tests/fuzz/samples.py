@@ -9,6 +9,7 @@ from pathlib import Path
 
 import deltalux as dl
 import numpy as np
+from deltalux import _core
 
 Files = dict[str, bytes]
 
@@ -16,7 +17,7 @@ QUAD = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
 
 
 def transports(folder: Path) -> list[Files]:
-    """Three directories: untruncated wavelets, truncated harmonics, and two tiles of a few columns."""
+    """Directories: untruncated wavelets, truncated harmonics, two tiles of a few columns; and one for every link."""
     scene = dl.Scene.builtin("cornell")
     made = []
     for k, (size, columns, quality) in enumerate(((6, "haar:2", "lossless"), (8, "sh:3", "publication"))):
@@ -27,7 +28,43 @@ def transports(folder: Path) -> list[Files]:
     floor = dl.Scene.from_arrays(QUAD - 0.5, [[0, 1, 2], [0, 2, 3]], camera=dl.Camera((0, 0, 0.4), (0, 0, 0)))
     floor = floor.with_camera(floor.camera.resized(96, 96))
     dl.precompute(floor, folder / "tiles.transport", columns="haar:1", quality="preview", progress=False)
-    return [*made, contents(folder / "tiles.transport")]
+    return [*made, contents(folder / "tiles.transport"), *linked(folder)]
+
+
+def linked(folder: Path) -> list[Files]:
+    """Three colours and nodes by weights; gather samples, a tree and vertices; clusters of two factors."""
+    rng = np.random.default_rng(1)
+
+    def stored(rows: int, columns: str, count: int, *channels: int) -> _core.Transport:
+        return _core.Transport.from_dense(rng.normal(size=(rows, count, *channels)), columns=columns, tile_rows=16)
+
+    surface = {name: rng.random((20, 3)).astype(np.float32) for name in ("albedo", "position", "normal")}
+    number = np.arange(20, dtype=np.uint32)
+    receivers = [
+        _core.ReceiverTable.gather(area=np.ones(20, np.float32), **surface),
+        _core.ReceiverTable.vertices(vertex=number, buried=np.zeros(20, np.uint8), **surface),
+        _core.ReceiverTable.vertices(
+            vertex=number, buried=np.ones(20, np.uint8), material=np.zeros(20, np.uint16), **surface
+        ),
+    ]
+    starts, weights = np.arange(21, dtype=np.uint32), np.full(20, 9, np.uint16)
+    chains: list[tuple[list[_core.Transport], _core.Link, list[_core.Transport]]] = [
+        ([stored(20, "haar:1", 6, 3), stored(5, "haar:1", 6)],
+         _core.Link.weights(starts, number % 5, weights, exponent=-4, node_count=5), []),
+        ([stored(6, "haar:1", 6)], _core.Link.tree(np.arange(6.0)), [stored(20, "tree:6", 8)]),
+        ([stored(6, "haar:1", 6) for _ in range(2)], _core.Link.representatives(),
+         [stored(20, "representatives:2x2", 6) for _ in range(2)]),
+    ]  # fmt: skip
+    made = []
+    for table, (first, link, then) in zip(receivers, chains, strict=True):
+        path = folder / f"{table.kind}-{len(made)}.transport"
+        writer, parts = _core.TransportWriter(path, "{}"), []
+        for k, part in enumerate([*first, *then]):
+            writer.write_shard(f"part_{k}", 0, part.tiles())
+            parts.append((f"part_{k}", part.columns, part.shape[0], part.channels, -24, part.width, part.tile_rows))
+        writer.finish(parts=parts, receivers=table, plan="{}", scene="0", first=len(first), link=link)
+        made.append(contents(path))
+    return made
 
 
 def contents(folder: Path) -> Files:

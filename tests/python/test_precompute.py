@@ -84,7 +84,9 @@ def test_threads_do_not_change_the_files(tmp_path, whole):
 
 # The child announces its first shard, so that it is killed between two of them.
 CHILD = """
-    import sys, time
+    import signal, sys, time
+    # A shell that runs things in the background has them ignore Ctrl-C.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     sys.path.insert(0, sys.argv[2])
     import test_precompute as here
     import deltalux as dl

@@ -355,7 +355,7 @@ fn hostile_manifests_are_refused_with_a_reason() {
         ("\"deltalux.transport\"", "\"something.else\"", "format"),
         ("2,\n    0", "3,\n    0", "version 3"),
         ("\"rows\": 170", "\"rows\": 18446744073709551615", "rows"),
-        ("\"rows\": 170", "\"rows\": 4294967295", "expected"),
+        ("\"rows\": 170", "\"rows\": 4294967295", "expected 33554433 files"),
         ("\"rows\": 170", "\"rows\": 0", "rows"),
         ("\"rows\": 170", "\"rows\": 171", "shape"),
         ("\"rows\": 170", "\"rows\": -1", "damaged"),
