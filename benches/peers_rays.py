@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 BUNNY = Path(__file__).parents[1] / "../shared/data/mesh/stanford-bunny_69k.obj"
 BUNDLE = BLOCK = 64
 LIFT = 4e-6
-"""As in rust/scene/tracer.rs: how far origins are lifted, in the normalised scene."""
+"""As in rust/scene/rays/tracer.rs: how far origins are lifted, in the normalised scene."""
 
 
 @dataclasses.dataclass

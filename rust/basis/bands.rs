@@ -58,6 +58,17 @@ pub struct Bands {
 }
 
 impl Bands {
+    /// Refuses starts that do not ascend from 0 to the number of areas.
+    pub fn check(&self) -> Result<()> {
+        let ends = (self.starts.first(), self.starts.last());
+        let ascend = self.starts.windows(2).all(|pair| pair[0] <= pair[1]);
+        if self.starts.len() > 1 && ends == (Some(&0), Some(&self.areas.len())) && ascend {
+            return Ok(());
+        }
+        let (columns, starts) = (self.areas.len(), &self.starts);
+        Err(Error::input(format!("expected starts of bands that ascend from 0 to {columns}, got {starts:?}")))
+    }
+
     /// The number of bands.
     pub fn count(&self) -> usize {
         self.starts.len() - 1

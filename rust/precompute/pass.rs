@@ -11,7 +11,9 @@ use rayon::prelude::*;
 use crate::basis::Bands;
 use crate::error::{Error, Result};
 use crate::transport::entry::Channels;
-use crate::transport::{CompressedGroup, GROUP, Rows16, Survey, Tile, Truncation, Width, compress_group};
+use crate::transport::{
+    CompressedGroup, GROUP, MAX_TILE_ROWS, Rows16, Survey, Tile, Truncation, Width, compress_group,
+};
 
 /// Rows that a pass makes together.
 pub const BUNDLE_ROWS: usize = 64;
@@ -83,10 +85,11 @@ pub fn tile<P: Pass>(
     advance: &Advance,
 ) -> Result<(Vec<Tile>, Rays)> {
     let Shape { rows: all, bands, channels, factors } = pass.shape();
-    if rows.is_empty() || rows.end > *all || rules.len() != *factors {
+    if rows.is_empty() || rows.end > *all || rows.len() > MAX_TILE_ROWS || rules.len() != *factors {
         let (first, count) = (rows.start, rows.len());
         return Err(Error::input(format!(
-            "expected a tile inside {all} rows and {factors} rules, got {count} rows from {first} and {} rules",
+            "expected a tile of at most {MAX_TILE_ROWS} rows inside {all}, and {factors} rules, got {count} rows from \
+             {first} and {} rules",
             rules.len()
         )));
     }

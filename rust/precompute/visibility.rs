@@ -125,7 +125,7 @@ impl Visibility {
         let count = self.texels.len();
         let mut view = View { open: vec![0; count], edges: Vec::new(), rays: Rays::default() };
         let above: Vec<u64> = self.texels.centre.iter().map(|&direction| normals.above(direction)).collect();
-        room.walk.begin(&bundle);
+        room.walk.begin();
         for block in &self.texels.blocks {
             room.beams.clear();
             for &texel in block {

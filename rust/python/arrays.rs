@@ -3,7 +3,8 @@
 use bytemuck::cast_slice;
 use numpy::ndarray::Array2;
 use numpy::{
-    IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods,
+    IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray4,
+    PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 
@@ -22,14 +23,29 @@ pub(super) fn colours(values: &[f32]) -> Result<Vec<[f32; 3]>> {
     }
 }
 
+/// The texels of a (6, size, size, 3) array in C order.
+pub(super) fn cubemap_colours(array: &PyReadonlyArray4<f32>, size: usize) -> Result<Vec<[f32; 3]>> {
+    match array.as_slice() {
+        Ok(flat) if array.shape() == [6, size, size, 3] => colours(flat),
+        _ => {
+            let found = array.shape();
+            Err(Error::input(format!(
+                "expected a cubemap of shape (6, {size}, {size}, 3) in C order, got shape {found:?}"
+            )))
+        }
+    }
+}
+
 /// The rows of a (columns, 3) array in C order.
 pub(super) fn coefficients<'a>(array: &'a PyReadonlyArray2<f64>) -> Result<&'a [[f64; 3]]> {
+    triples("coefficients", array)
+}
+
+/// The rows of an (n, 3) array in C order; `name` is what an error calls it.
+pub(super) fn triples<'a>(name: &str, array: &'a PyReadonlyArray2<f64>) -> Result<&'a [[f64; 3]]> {
     match array.as_slice() {
         Ok(flat) if array.shape()[1] == 3 => Ok(cast_slice(flat)),
-        _ => Err(Error::input(format!(
-            "expected coefficients of shape (columns, 3) in C order, got shape {:?}",
-            array.shape()
-        ))),
+        _ => Err(Error::input(format!("expected {name} of shape (n, 3) in C order, got shape {:?}", array.shape()))),
     }
 }
 

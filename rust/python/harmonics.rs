@@ -8,7 +8,7 @@ use crate::basis::spherical_harmonics::{Rotation, SphericalHarmonics, windowed};
 use crate::basis::{ColumnSpace, HarmonicProjection};
 use crate::error::{Error, Result};
 
-use super::arrays::{coefficients, colours, not_contiguous, rows, table};
+use super::arrays::{coefficients, cubemap_colours, rows, table, triples};
 use super::compute;
 use super::light::Part;
 
@@ -42,7 +42,7 @@ fn harmonic_values<'py>(
     order: usize,
     directions: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let (directions, _) = directions.as_slice().map_err(|_| not_contiguous())?.as_chunks::<3>();
+    let directions = triples("directions", &directions)?;
     let values = compute(py, || {
         let harmonics = SphericalHarmonics::new(order)?;
         let mut values = vec![0.0; directions.len() * order * order];
@@ -61,7 +61,7 @@ fn harmonic_projection<'py>(
     cubemap: PyReadonlyArray4<'py, f32>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let size = cubemap.shape()[1];
-    let texels = colours(cubemap.as_slice().map_err(|_| not_contiguous())?)?;
+    let texels = cubemap_colours(&cubemap, size)?;
     table(py, compute(py, || Ok(HarmonicProjection::new(order, size)?.forward(&texels)))?)
 }
 

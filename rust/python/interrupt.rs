@@ -4,7 +4,7 @@
 //! would wait for them for ever. It is never rayon's global pool, which belongs to the application.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicU32, AtomicU64, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError, mpsc};
 use std::time::Duration;
 
@@ -20,28 +20,30 @@ const POLL: Duration = Duration::from_millis(50);
 /// Threads that the next pool is made with; 0: one a processor.
 static THREADS: AtomicUsize = AtomicUsize::new(0);
 /// The pool last made, in this process or in its parent.
-static POOL: AtomicPtr<ThreadPool> = AtomicPtr::new(std::ptr::null_mut());
-/// The process that made it.
-static OWNER: AtomicU32 = AtomicU32::new(0);
+static POOL: AtomicPtr<Owned> = AtomicPtr::new(std::ptr::null_mut());
+
+/// A pool, and the process that made it: one value, so that no thread sees the one without the other.
+struct Owned {
+    process: u32,
+    pool: ThreadPool,
+}
 
 /// The pool of this process, made on first use. A pool of the parent process is left alone: it cannot be joined here.
 fn pool() -> std::result::Result<&'static ThreadPool, PyErr> {
     let here = std::process::id();
     let made = POOL.load(Ordering::Acquire);
-    if !made.is_null() && OWNER.load(Ordering::Acquire) == here {
-        // SAFETY: a pool is leaked when it is published and never freed.
-        return Ok(unsafe { &*made });
+    // SAFETY: a pool is leaked when it is published and never freed.
+    if let Some(made) = unsafe { made.as_ref() }.filter(|made| made.process == here) {
+        return Ok(&made.pool);
     }
     let pool = ThreadPoolBuilder::new()
         .num_threads(THREADS.load(Ordering::Relaxed))
         .thread_name(|k| format!("deltalux-{k}"))
         .build()
         .map_err(|error| PyRuntimeError::new_err(format!("cannot start threads: {error}")))?;
-    let fresh = Box::into_raw(Box::new(pool));
-    OWNER.store(here, Ordering::Release);
+    let fresh: &'static mut Owned = Box::leak(Box::new(Owned { process: here, pool }));
     POOL.store(fresh, Ordering::Release);
-    // SAFETY: as above.
-    Ok(unsafe { &*fresh })
+    Ok(&fresh.pool)
 }
 
 /// A panic in the core is our fault: it reaches the user as a plain `RuntimeError`, never as a `BaseException`.

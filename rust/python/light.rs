@@ -8,7 +8,7 @@ use crate::basis::haar::Haar;
 use crate::error::{Error, Result};
 use crate::light::{EnvironmentMap, Layout};
 
-use super::arrays::{colours, not_contiguous, rows, table};
+use super::arrays::{colours, cubemap_colours, not_contiguous, rows, table, triples};
 use super::compute;
 
 /// The largest cubemap face that is resampled to: 150 MB of radiance.
@@ -93,7 +93,7 @@ fn environment_radiance<'py>(
     parts: Vec<Part>,
     directions: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-    let (directions, _) = directions.as_slice().map_err(|_| not_contiguous())?.as_chunks::<3>();
+    let directions = triples("directions", &directions)?;
     let radiance = compute(py, || {
         let mut sum = vec![[0.0f32; 3]; directions.len()];
         for (weight, map, rotation) in &parts {
@@ -113,12 +113,8 @@ fn haar_coefficients<'py>(
     size: usize,
     cubemap: PyReadonlyArray4<'py, f32>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let texels = colours(cubemap.as_slice().map_err(|_| not_contiguous())?)?;
-    let coefficients = compute(py, || {
-        let haar = Haar::shared(size)?;
-        checked(haar.columns(), texels.len())?;
-        Ok(haar.forward(&texels))
-    })?;
+    let texels = cubemap_colours(&cubemap, size)?;
+    let coefficients = compute(py, || Ok(Haar::shared(size)?.forward(&texels)))?;
     table(py, coefficients)
 }
 
@@ -129,7 +125,7 @@ fn haar_inverse<'py>(
     size: usize,
     coefficients: PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray4<f64>>> {
-    let (coefficients, _) = coefficients.as_slice().map_err(|_| not_contiguous())?.as_chunks::<3>();
+    let coefficients = triples("coefficients", &coefficients)?;
     let radiance = compute(py, || {
         let haar = Haar::shared(size)?;
         checked(haar.columns(), coefficients.len())?;

@@ -1,6 +1,9 @@
 //! What the rows of a transport are, for Python: made from a scene or from arrays, and read back.
 
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{
+    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
+    PyUntypedArrayMethods,
+};
 use pyo3::prelude::*;
 
 use crate::error::{Error, Result};
@@ -228,6 +231,11 @@ impl ReceiverTable {
         let ReceiverKind::Pixels { image: [height, width], pixel, weight, .. } = &self.0.kind else {
             return Err(self.not_of_kind("pixels"));
         };
+        let rows = self.0.albedo.len() / 3;
+        if values.shape() != [rows, 3] {
+            let found = values.shape();
+            return Err(Error::input(format!("expected a response of shape ({rows}, 3), got {found:?}")).into());
+        }
         let values = values.as_slice()?;
         let mut picture = vec![0f32; 3 * height * width];
         py.detach(|| resolve(&Rows { pixel, weight, albedo: &self.0.albedo }, values, &mut picture));

@@ -13,7 +13,7 @@ use crate::transport::{ReceiverKind, ReceiverTable as Table, Truncation};
 
 use super::arrays::{rows_of, to_vec, to_vec_of_rows, vectors};
 use super::receivers::ReceiverTable;
-use super::transport::{TileData, parse_width};
+use super::transport::TileData;
 use super::{compute, interruptible};
 
 /// A scene's triangles, ready for rays.
@@ -218,7 +218,7 @@ impl DirectPass {
         width: &str,
         progress: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<(f64, f64, f64, Py<PyArray1<u32>>, TileData, u64, u64)> {
-        let rule = Truncation::new(&self.0.shape().bands, 0.0, quantum, parse_width(width)?)?;
+        let rule = Truncation::new(&self.0.shape().bands, 0.0, quantum, width.parse()?)?;
         let (threshold, surveyed, rays) = interruptible(py, progress, |watch| {
             let (mut surveyed, rays) = survey(&self.0, bundles, &[rule], &|rows| watch.advance(rows))?;
             let surveyed = surveyed.swap_remove(0);
@@ -240,7 +240,7 @@ impl DirectPass {
         quantum: i32,
         width: &str,
     ) -> PyResult<(usize, f64, u64, u64)> {
-        let rule = Truncation::new(&self.0.shape().bands, threshold, quantum, parse_width(width)?)?;
+        let rule = Truncation::new(&self.0.shape().bands, threshold, quantum, width.parse()?)?;
         let probed = interruptible(py, None, |watch| probe(&self.0, seconds, &[rule], &|rows| watch.advance(rows)))?;
         Ok((probed.bundles, probed.seconds, probed.rays.first, probed.rays.edge))
     }
@@ -258,9 +258,9 @@ impl DirectPass {
         width: &str,
         progress: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<(TileData, u64, u64)> {
-        let rule = Truncation::new(&self.0.shape().bands, threshold, quantum, parse_width(width)?)?;
+        let rule = Truncation::new(&self.0.shape().bands, threshold, quantum, width.parse()?)?;
         let (mut tiles, rays) = interruptible(py, progress, |watch| {
-            tile(&self.0, first..first + rows, &[rule], &|done| watch.advance(done))
+            tile(&self.0, first..first.saturating_add(rows), &[rule], &|done| watch.advance(done))
         })?;
         Ok((TileData(tiles.swap_remove(0)), rays.first, rays.edge))
     }

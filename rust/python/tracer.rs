@@ -34,7 +34,7 @@ impl Tracer {
         let origins: Vec<[f32; 3]> = origins.iter().zip(normals).map(lifted).collect();
         let normals: Vec<[f32; 3]> = normals.iter().map(narrow).collect();
         let bundle = Bundle::new(&origins, &normals);
-        room.begin(&bundle);
+        room.begin();
         let above: Vec<u64> = directions.iter().map(|&direction| above(&normals, direction)).collect();
         let mut blocked = vec![0; directions.len()];
         for first in (0..directions.len()).step_by(BLOCK) {

@@ -12,7 +12,7 @@ use pyo3::prelude::*;
 
 use crate::basis::{ColumnSpace, HaarTree};
 use crate::error::{Error, Result};
-use crate::transport::file::manifest::{TILES_PER_SHARD, width_name};
+use crate::transport::file::manifest::TILES_PER_SHARD;
 use crate::transport::{
     self as core, Audit, Channels, Dense, Factors, GROUP, Opened, Product, Tile, TransportMatrix, Truncation, Values,
     Weights, Width, bf16, open, rewrite, survey_stored,
@@ -129,7 +129,7 @@ impl Transport {
     /// The rule of a re-truncation.
     fn rule(&self, threshold: f64, width: Option<&str>) -> Result<Truncation> {
         let matrix = self.alone()?;
-        let width = width.map_or(Ok(width_of(matrix)), parse_width)?;
+        let width = width.map_or(Ok(width_of(matrix)), str::parse)?;
         Truncation::new(&matrix.bands, threshold, matrix.quantum, width)
     }
 }
@@ -139,15 +139,6 @@ fn width_of(matrix: &TransportMatrix) -> Width {
     match matrix.tiles.first().map(|tile| &tile.values) {
         Some(Values::I8(_)) => Width::I8,
         _ => Width::I16,
-    }
-}
-
-/// The width that a word stands for; refuses words other than "i8" and "i16".
-pub(super) fn parse_width(text: &str) -> Result<Width> {
-    match text {
-        "i8" => Ok(Width::I8),
-        "i16" => Ok(Width::I16),
-        other => Err(Error::input(format!("expected the width \"i8\" or \"i16\", got {other:?}"))),
     }
 }
 
@@ -186,7 +177,7 @@ impl Transport {
         };
         let dense = Dense::with_channels(rows, width_of_array, channels, array.as_array().iter().copied().collect());
         let space: ColumnSpace = columns.parse()?;
-        let width = parse_width(width)?;
+        let width = width.parse()?;
         compute(py, || {
             let rule = Truncation::new(&space.bands(), threshold, quantum, width)?;
             let matrix = dense.compress(space, &rule, tile_rows)?;
@@ -262,7 +253,7 @@ impl Transport {
     /// How wide its integers are: "i8" or "i16".
     #[getter]
     fn width(&self) -> &'static str {
-        width_name(width_of(self.matrix()))
+        width_of(self.matrix()).name()
     }
 
     /// Rows of every tile of it but the last.
@@ -436,6 +427,10 @@ impl Transport {
     ) -> PyResult<Bound<'py, PyArray3<f32>>> {
         let (rows, columns) = self.shape();
         let count = lights.shape()[0];
+        if lights.shape()[1..] != [columns, 3] {
+            let found = lights.shape();
+            return Err(Error::input(format!("expected lights of shape (k, {columns}, 3), got {found:?}")).into());
+        }
         let flat = lights.as_slice()?;
         let mix = mix.map(|mix| mix_of(&mix)).transpose()?;
         let out = compute(py, || {
@@ -520,7 +515,7 @@ fn entry_bytes(width: Width, channels: Channels) -> usize {
 /// Bytes of an entry with integers "i8" or "i16" in one or three channels.
 #[pyfunction(name = "entry_bytes")]
 fn entry_bytes_of(width: &str, channels: usize) -> PyResult<usize> {
-    Ok(entry_bytes(parse_width(width)?, Channels::from_count(channels)?))
+    Ok(entry_bytes(width.parse()?, Channels::from_count(channels)?))
 }
 
 /// Adds what this file has for Python to the module.

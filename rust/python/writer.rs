@@ -11,7 +11,7 @@ use crate::transport::{self as core, Audit, Channels, Description, Part, Tile, W
 
 use super::arrays::to_vec;
 use super::receivers::ReceiverTable;
-use super::transport::{Link, TileData, parse_width};
+use super::transport::{Link, TileData};
 use super::{compute, compute_on, look_at};
 
 /// Name, columns, rows, channels, quantum, width and rows of a tile of a part.
@@ -72,7 +72,7 @@ impl TransportWriter {
                 rows,
                 channels: Channels::from_count(channels)?,
                 quantum,
-                width: parse_width(&width)?,
+                width: width.parse()?,
                 tile_rows,
             })
         };

@@ -1,5 +1,7 @@
 //! What an entry of M is made of: a word, 16 integers, and the numbers that hold for all of them.
 
+use std::str::FromStr;
+
 use crate::error::{Error, Result};
 
 /// Rows in a group: the unit of truncation and of the kernels.
@@ -70,6 +72,27 @@ impl Width {
         match self {
             Width::I8 => i8::MAX as i16,
             Width::I16 => i16::MAX,
+        }
+    }
+
+    /// The word for it, in files and in Python.
+    pub fn name(self) -> &'static str {
+        match self {
+            Width::I8 => "i8",
+            Width::I16 => "i16",
+        }
+    }
+}
+
+impl FromStr for Width {
+    type Err = Error;
+
+    /// Refuses all words but "i8" and "i16".
+    fn from_str(word: &str) -> Result<Self> {
+        match word {
+            "i8" => Ok(Width::I8),
+            "i16" => Ok(Width::I16),
+            other => Err(Error::input(format!("expected the width \"i8\" or \"i16\", found {other:?}"))),
         }
     }
 }

@@ -8,11 +8,11 @@ use rayon::prelude::*;
 
 use crate::basis::HaarTree;
 use crate::error::{Error, Result};
-use crate::transport::{Factors, GROUP, Link, Product, TransportMatrix};
+use crate::transport::{Factors, Link, Product, TransportMatrix};
 
 use super::change::whole;
 use super::multiplying::bound::{BandNorms, Bound};
-use super::multiplying::finish::{Mix, Node, add_nodes, write};
+use super::multiplying::finish::{Mix, Node, add_nodes, at, write};
 use super::multiplying::grid::{Grid, Span, above, light_norm};
 use super::multiplying::product::multiply;
 use super::multiplying::response::Response;
@@ -200,11 +200,7 @@ fn respond_one(matrix: &TransportMatrix, v: &[[f64; 3]]) -> Result<Response> {
 /// The exact sums, row by row.
 fn sums_of_rows(matrix: &TransportMatrix, response: &Response) -> Vec<[f64; 3]> {
     let tiles = matrix.tiles.par_iter().zip(response.tiles());
-    tiles
-        .flat_map_iter(|(tile, sums)| {
-            (0..tile.rows).map(|row| sums[row / GROUP].0.map(|lanes: [f64; GROUP]| lanes[row % GROUP]))
-        })
-        .collect()
+    tiles.flat_map_iter(|(tile, sums)| (0..tile.rows).map(|row| at(sums, row))).collect()
 }
 
 /// What each row counts for in the norm of the second stage's V.

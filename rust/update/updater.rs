@@ -98,13 +98,6 @@ impl Updater {
         self.frame(light, out, None, &Chosen::Own)
     }
 
-    /// `step`, with a budget of its own: what can be sent so that the step ends in `seconds`, as far as earlier ones tell.
-    ///
-    /// Where nothing fits, the first column is sent. The settings need the cost of every column.
-    pub fn step_within(&mut self, light: &[[f64; 3]], out: &mut [f32], seconds: f64) -> Result<Step> {
-        self.frame(light, out, Some(seconds), &Chosen::Own)
-    }
-
     /// What somebody else may choose from: V on its grid, and V~. None where it is settled what the first frame takes.
     pub fn prepare(&mut self, light: &[[f64; 3]]) -> Result<Option<TargetAndValues<'_>>> {
         self.first.receive(light)?;

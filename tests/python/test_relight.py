@@ -291,7 +291,7 @@ def test_what_a_frame_says(cornell):
         dl.Relighter(cornell, "pbi")
 
 
-# Worker threads do not survive a fork: a child that waited for them would hang (NUMERICS 3.7).
+# Worker threads do not survive a fork: a child that waited for them would hang.
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 def test_a_forked_child_multiplies(cornell):
     V = cornell.coefficients(dl.Environment.builtin("hall"))

@@ -201,9 +201,21 @@ fn a_kill_between_the_renames_loses_nothing() {
     let path = scratch.path("a.transport");
     write(&path, &matrix, Width::I8);
     let before = contents(&path);
+    for emptied in [false, true] {
+        fs::rename(&path, scratch.path("a.transport.old")).unwrap();
+        if emptied {
+            // Somebody made the directory anew before the next run.
+            fs::create_dir(&path).unwrap();
+        }
+        drop(Writer::open(&path, "next").unwrap());
+        assert_eq!(contents(&path), before);
+    }
+    // While a run holds the place, no other tidies up behind it.
+    let first = Writer::open(&path, "next").unwrap();
     fs::rename(&path, scratch.path("a.transport.old")).unwrap();
-    drop(Writer::open(&path, "next").unwrap());
-    assert_eq!(contents(&path), before);
+    assert!(Writer::open(&path, "next").is_err());
+    assert!(!path.exists());
+    drop(first);
 }
 
 #[test]

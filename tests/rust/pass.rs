@@ -133,6 +133,9 @@ fn a_pass_that_is_stopped_stops_and_rows_beyond_its_end_are_refused() {
         assert!(tile(&pass, rows, &rules, &|_| Ok(())).is_err());
     }
     assert!(tile(&pass, 0..128, &rules[..1], &|_| Ok(())).is_err());
+    // More rows than a tile can number.
+    let long = ready(ColumnSpace::haar(1).unwrap(), 20_000, Channels::One, 1, 1);
+    assert!(tile(&long, 0..20_000, &[rule(ColumnSpace::haar(1).unwrap(), 0.0, Width::I8)], &|_| Ok(())).is_err());
     // A small pass is probed as a whole, and no further.
     let found = probe(&pass, 1e9, &rules, &|_| Ok(())).unwrap();
     assert!(found.bundles >= 4 && found.rays.first >= 200);

@@ -188,7 +188,7 @@ fn texel_centres(n: usize) -> Vec<[f32; 3]> {
 /// Every answer to "which rays of this bundle are blocked", by block, one direction at a time, and portably: all equal.
 fn blocked_all_ways(tracer: &Tracer, bundle: &Bundle, directions: &[[f32; 3]], active: &[u64]) -> Vec<u64> {
     let mut room = Walk::default();
-    room.begin(bundle);
+    room.begin();
     let mut blocked = vec![0; directions.len()];
     tracer.blocked_each(bundle, directions, active, &mut room, &mut blocked);
     let mut portable = vec![!0; directions.len()];

@@ -492,6 +492,9 @@ fn settings_are_checked() {
     refused(bands(), joint(Method::HarmonicOrder { tolerance: f64::NAN }, Budget::Terms(1)));
     let many = Bands { starts: (0..=13).collect(), areas: vec![1.0; 13], always: 0 };
     refused(many, Settings { weights: vec![1.0; 13], ..good.clone() });
+    for starts in [vec![], vec![0], vec![0, 12, 6, 24, 44], vec![1, 6, 44], vec![0, 6, 12, 24, 43]] {
+        refused(Bands { starts, ..bands() }, good.clone());
+    }
 
     // A budget that is refused leaves the old one in force.
     let mut follow = Approximation::new(bands(), good).unwrap();

@@ -234,7 +234,7 @@ pub struct Walk {
 
 impl Walk {
     /// Forgets what the last bundle met.
-    pub fn begin(&mut self, _: &Bundle) {
+    pub fn begin(&mut self) {
         self.cover = None;
     }
 }

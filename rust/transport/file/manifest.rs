@@ -148,11 +148,7 @@ impl PartEntry {
 
     /// The width of the stored integers; refuses other words than `i8` and `i16`.
     pub fn width(&self) -> Result<Width> {
-        match self.width.as_str() {
-            "i8" => Ok(Width::I8),
-            "i16" => Ok(Width::I16),
-            other => Err(Error::input(format!("expected the width \"i8\" or \"i16\", found {other:?}"))),
-        }
+        self.width.parse()
     }
 
     /// The number of tiles.
@@ -306,14 +302,6 @@ impl Manifest {
     pub fn receiving(&self) -> &PartEntry {
         let two = !self.chain.then.is_empty();
         &self.parts[if two { self.chain.first.len() } else { 0 }]
-    }
-}
-
-/// The word for a width in a manifest.
-pub fn width_name(width: Width) -> &'static str {
-    match width {
-        Width::I8 => "i8",
-        Width::I16 => "i16",
     }
 }
 

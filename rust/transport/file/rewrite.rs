@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 
-use super::manifest::{TILES_PER_SHARD, width_name};
+use super::manifest::TILES_PER_SHARD;
 use super::open::Opened;
 use super::writer::{Description, Part, Writer};
 use crate::transport::matrix::TransportMatrix;
@@ -45,7 +45,7 @@ pub fn rewrite(
         let count = manifest.parts.len();
         Error::input(format!("expected a transport of one part to truncate, got one of {count}"))
     })?;
-    let (threshold, width) = (rule.threshold, width_name(rule.width));
+    let (threshold, width) = (rule.threshold, rule.width.name());
     let job = format!(
         "{{\"threshold\": {threshold:e}, \"quantum\": {}, \"width\": {width:?}, \"of\": {:?}, \"plan\": {plan:?}}}",
         rule.quantum, manifest.files

@@ -17,7 +17,7 @@ use crate::error::{Error, Result};
 use super::link;
 use super::manifest::{
     AUDIT, FORMAT, FileEntry, LINK, MAJOR, MANIFEST, MINOR, Manifest, PartEntry, RECEIVERS, ReceiversEntry,
-    TILES_PER_SHARD, is_part_name, read_small, shard_name, width_name,
+    TILES_PER_SHARD, is_part_name, read_small, shard_name,
 };
 use super::open::{self, Audit};
 use super::receivers;
@@ -86,7 +86,6 @@ impl Writer {
         let target = std::path::absolute(path).map_err(|source| Error::os(path, source))?;
         // A link to a transport stays: what it points at is replaced.
         let target = fs::canonicalize(&target).unwrap_or(target);
-        recover(&target)?;
         check_replaceable(&target)?;
 
         // Only one run at a time: the lock goes with the process, however it ends.
@@ -94,6 +93,7 @@ impl Writer {
         check_partial(&partial)?;
         fs::create_dir_all(&partial).map_err(|source| Error::os(&partial, source))?;
         let lock = lock(&partial)?;
+        recover(&target)?;
 
         // Another job's shards are never mixed in.
         let same = read_small(&partial.join(JOB), MAX_JOB).is_ok_and(|text| text == job.as_bytes());
@@ -120,8 +120,11 @@ impl Writer {
         if !is_part_name(part) {
             return Err(Error::input(format!("expected the name of a part, of a-z, 0-9 and _, got {part:?}")));
         }
-        if tiles.is_empty() || tiles.len() > TILES_PER_SHARD {
-            return Err(Error::input(format!("expected 1 to {TILES_PER_SHARD} tiles, got {}", tiles.len())));
+        if tiles.is_empty() || tiles.len() > TILES_PER_SHARD || shard > u32::MAX as usize {
+            let count = tiles.len();
+            return Err(Error::input(format!(
+                "expected 1 to {TILES_PER_SHARD} tiles of a shard below 2^32, got {count} of shard {shard}"
+            )));
         }
         let numbered = tiles.iter().enumerate();
         let tensors = numbered.flat_map(|(k, tile)| tensors(&format!("{:05}", shard * TILES_PER_SHARD + k), tile));
@@ -173,7 +176,7 @@ impl Part {
             rows: self.rows,
             channels: self.channels.count(),
             quantum: self.quantum,
-            width: width_name(self.width).to_owned(),
+            width: self.width.name().to_owned(),
             tile_rows: self.tile_rows,
         }
     }
@@ -345,7 +348,7 @@ fn remove_ours(directory: &Path, which: impl Fn(&str) -> bool) -> Result<()> {
     for name in names(directory)?.unwrap_or_default() {
         if is_ours(&name) && which(&name) {
             let path = directory.join(&name);
-            fs::remove_file(&path).map_err(|source| Error::os(&path, source))?;
+            unless_gone(fs::remove_file(&path)).map_err(|source| Error::os(&path, source))?;
         }
     }
     Ok(())
@@ -354,22 +357,31 @@ fn remove_ours(directory: &Path, which: impl Fn(&str) -> bool) -> Result<()> {
 /// Removes a directory of ours; one that holds more than our files stays, with the rest in it.
 fn remove_directory(directory: &Path) -> Result<()> {
     remove_ours(directory, |_| true)?;
-    match fs::remove_dir(directory) {
+    match unless_gone(fs::remove_dir(directory)) {
         Err(source) if source.kind() != std::io::ErrorKind::DirectoryNotEmpty => Err(Error::os(directory, source)),
         _ => Ok(()),
     }
 }
 
-/// After a run that was killed between the two renames of `publish`: the old result comes back, or goes if replaced.
+/// Somebody else may have removed the same remains first.
+fn unless_gone(removed: std::io::Result<()>) -> std::io::Result<()> {
+    removed.or_else(|source| if source.kind() == std::io::ErrorKind::NotFound { Ok(()) } else { Err(source) })
+}
+
+/// After a run that was killed in `publish`: the old result comes back, or goes where the new one has taken its place.
 fn recover(target: &Path) -> Result<()> {
     let old = sibling(target, ".old")?;
     if !Manifest::is_transport(&old) {
         return Ok(());
     }
-    match names(target)? {
-        None => fs::rename(&old, target).map_err(|source| Error::os(target, source)),
-        Some(_) => remove_directory(&old),
+    if Manifest::is_transport(target) {
+        return remove_directory(&old);
     }
+    // An empty directory in its place is nobody's work.
+    if names(target)?.is_some() {
+        fs::remove_dir(target).map_err(|source| Error::os(target, source))?;
+    }
+    fs::rename(&old, target).map_err(|source| Error::os(target, source))
 }
 
 /// Puts a complete directory in the target's place. Until the second rename the old result is whole, under one name or

@@ -59,6 +59,7 @@ pub(in crate::update) const MAX_COEFFICIENT: f64 = 1e90;
 impl Approximation {
     /// Starts from no light at all.
     pub fn new(bands: Bands, settings: Settings) -> Result<Self> {
+        bands.check()?;
         settings.check(&bands)?;
         Ok(Approximation { applied: Applied::new(&bands), bands, settings, keys: Keys::default() })
     }

@@ -96,7 +96,7 @@ pub(in crate::update) fn add_nodes(
 }
 
 /// The sums of one row of a tile.
-fn at(groups: &[Sums], row: usize) -> [f64; 3] {
+pub(in crate::update) fn at(groups: &[Sums], row: usize) -> [f64; 3] {
     groups[row / GROUP].0.map(|lanes: [f64; GROUP]| lanes[row % GROUP])
 }
 
