@@ -6,7 +6,7 @@
 chooses, every frame of it is the exact product of what has been sent, comes with a bound on its error, and is exact
 once the light stands still. The command line takes it too:
 
-    deltalux relight model.transport sky.hdr frames/ --method own_method.py:Energy
+    deltalux relight model.transport --env sky.hdr -o frames/ --method own_method.py:Energy
 """
 
 from __future__ import annotations

@@ -219,24 +219,29 @@ pub fn probe<P: Pass>(pass: &P, seconds: f64, rules: &[Truncation], advance: &Ad
     let all = pass.shape().rows.div_ceil(BUNDLE_ROWS);
     let mut count = rayon::current_num_threads().max(1);
     let mut found = Probed::default();
-    while found.seconds < seconds && found.bundles < all {
-        let started = Instant::now();
+    let threads = count as f64;
+    let started = Instant::now();
+    while started.elapsed().as_secs_f64() < seconds && found.bundles < all {
         let round = (0..count.min(all)).into_par_iter().map_init(
             || pass.room(),
             |room, k| {
+                let started = Instant::now();
                 let rows = spread(pass, k, count.min(all));
                 let mut group = CompressedGroup::default();
                 let rays = pass.bundle(rows, room, &mut |factor, planes| {
                     compress_group(planes, &pass.shape().bands, &rules[factor], &mut group)
                 })?;
                 advance(0)?;
-                Ok(rays)
+                Ok((rays, started.elapsed().as_secs_f64()))
             },
         );
-        let round: Vec<Rays> = round.collect::<Result<_>>()?;
-        found.seconds += started.elapsed().as_secs_f64();
+        let round: Vec<(Rays, f64)> = round.collect::<Result<_>>()?;
         found.bundles += round.len();
-        found.rays = round.into_iter().fold(found.rays, Rays::plus);
+        for (rays, took) in round {
+            found.rays = found.rays.plus(rays);
+            // Threads that wait for the last of a few bundles have no share in a long pass.
+            found.seconds += took / threads;
+        }
         count *= 2;
     }
     Ok(found)

@@ -3,14 +3,14 @@
 use std::sync::{Arc, Mutex, PoisonError};
 
 use numpy::ndarray::ArrayView2;
-use numpy::{IntoPyArray, PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{IntoPyArray, PyArray2, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
 
 use crate::error::Error;
-use crate::update::{Chosen, Initial, Mix, Updater as Core};
+use crate::update::{Chosen, Initial, Step, Updater as Core};
 
 use super::arrays::{coefficients, table, to_vec};
-use super::transport::Transport;
+use super::transport::{Transport, mix_of};
 use super::update::{Given, Settings, UpdateArrays, update_arrays};
 use super::{compute, compute_on, look_at};
 
@@ -80,30 +80,36 @@ impl Picture {
     }
 }
 
-/// B (rows, 3), the update, the bound in three colours, converged, seconds of choosing and of multiplying.
-type Stepped<'py> = (Bound<'py, PyArray2<f32>>, UpdateArrays<'py>, [f64; 3], bool, f64, f64);
-
-/// V on its grid and V~, each (columns, 3).
-type Prepared<'py> = (Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>);
+/// B (rows, 3), the update, the frame's number, the bound in three colours, converged, seconds of choosing and of
+/// multiplying.
+type Stepped<'py> = (Bound<'py, PyArray2<f32>>, UpdateArrays<'py>, u64, [f64; 3], bool, f64, f64);
 
 impl Updater {
     /// A picture to be written, with its way back.
     fn picture(&self) -> Picture {
         Picture { values: self.spare.take(3 * self.rows), spare: self.spare.clone() }
     }
+
+    /// A frame as Python takes it.
+    fn stepped<'py>(&self, py: Python<'py>, picture: Picture, step: Step) -> PyResult<Stepped<'py>> {
+        let values = picture.array(py, self.rows)?;
+        let update = update_arrays(py, step.update)?;
+        Ok((values, update, step.number, step.bound, step.converged, step.choosing, step.multiplying))
+    }
 }
 
 #[pymethods]
 impl Updater {
     /// `second`: how the second stage is followed, where there is one. `initial`: what the first step applies, "full",
-    /// "nonlinear" or None.
+    /// "nonlinear" or None; `mix`: how several factors are mixed, (rows, factors) float32.
     #[new]
-    #[pyo3(signature = (transport, first, second, *, initial))]
+    #[pyo3(signature = (transport, first, second, *, mix, initial))]
     fn new(
         py: Python<'_>,
         transport: &Bound<'_, Transport>,
         first: &Settings,
         second: Option<&Settings>,
+        mix: Option<PyReadonlyArray2<'_, f32>>,
         initial: Option<&str>,
     ) -> PyResult<Self> {
         let chain = Arc::clone(&transport.get().chain);
@@ -115,18 +121,21 @@ impl Updater {
             None => Initial::Black,
             Some(other) => return Err(Error::input(format!("unknown start {other:?}")).into()),
         };
-        let state = compute(py, || Core::new(chain, first, second, initial))?;
+        let mix = mix.map(|mix| mix_of(&mix)).transpose()?;
+        let state = compute(py, || Core::new(chain, first, second, mix, initial))?;
         Ok(Updater { state: Mutex::new(state), rows, spare: Spare::default() })
     }
 
-    /// What somebody else may choose from in the frame towards `light`: V on its grid and V~, each (columns, 3) float64;
-    /// None where it is settled what the first frame takes.
-    fn prepare<'py>(&self, py: Python<'py>, light: PyReadonlyArray2<'py, f64>) -> PyResult<Option<Prepared<'py>>> {
+    /// V~, (columns, 3) float64, from which somebody else may choose what is sent towards `light`; None where it is settled
+    /// what the first frame takes.
+    fn prepare<'py>(
+        &self,
+        py: Python<'py>,
+        light: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
         let light = coefficients(&light)?;
-        let copied = compute_on(py, &self.state, |state| {
-            Ok(state.prepare(light)?.map(|(target, values)| (target.to_vec(), values.to_vec())))
-        })?;
-        copied.map(|(target, values)| Ok((table(py, target)?, table(py, values)?))).transpose()
+        let values = compute_on(py, &self.state, |state| Ok(state.prepare(light)?.map(<[_]>::to_vec)))?;
+        values.map(|values| table(py, values)).transpose()
     }
 
     /// One frame towards `light`, (columns, 3) float64; `seconds`: the time for it, where that is the budget; `given`: by a
@@ -148,36 +157,30 @@ impl Updater {
         let mut picture = self.picture();
         let out = &mut picture.values;
         let step = compute_on(py, &self.state, |state| state.frame(light, out, seconds, &chosen))?;
-        let values = picture.array(py, self.rows)?;
-        let update = update_arrays(py, step.update)?;
-        Ok((values, update, step.bound, step.converged, step.choosing, step.multiplying))
+        self.stepped(py, picture, step)
     }
 
-    /// How several factors are mixed from now on, (rows, factors) float32.
-    fn set_mix(&self, py: Python<'_>, weights: PyReadonlyArray2<'_, f32>) -> PyResult<()> {
-        let mix = Mix::new(weights.as_array().iter().copied().collect(), weights.shape()[1])?;
-        compute_on(py, &self.state, |state| state.set_mix(mix))
-    }
-
-    /// B (rows, 3) of what has been applied, written anew: after `set_mix` nothing has to be sent for it.
-    fn write<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
+    /// The last frame with several factors mixed by other weights, (rows, factors) float32, as they are from now on.
+    fn remix<'py>(&self, py: Python<'py>, weights: PyReadonlyArray2<'_, f32>) -> PyResult<Stepped<'py>> {
+        let mix = mix_of(&weights)?;
         let mut picture = self.picture();
         let out = &mut picture.values;
-        compute_on(py, &self.state, |state| state.write(out))?;
-        picture.array(py, self.rows)
+        let step = compute_on(py, &self.state, |state| state.remix(mix, out))?;
+        self.stepped(py, picture, step)
     }
 
-    /// The bound of every receiver for the picture of the last step: (rows, 3) float32.
-    fn bounds<'py>(&self, py: Python<'py>, shown: PyReadonlyArray2<'py, f32>) -> PyResult<Bound<'py, PyArray2<f32>>> {
+    /// The bound of every receiver for `shown`, the picture of the last frame, whose number this is: (rows, 3) float32.
+    fn bounds<'py>(
+        &self,
+        py: Python<'py>,
+        number: u64,
+        shown: PyReadonlyArray2<'py, f32>,
+    ) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let shown: Vec<f32> = shown.as_array().iter().copied().collect();
         let rows = self.rows;
         let out = compute_on(py, &self.state, |state| {
-            if shown.len() != 3 * rows {
-                let found = shown.len();
-                return Err(Error::input(format!("expected {rows} x 3 values, got {found}")));
-            }
             let mut out = vec![0f32; 3 * rows];
-            state.bounds(&shown, &mut out)?;
+            state.bounds(number, &shown, &mut out)?;
             Ok(out)
         })?;
         out.into_pyarray(py).reshape([rows, 3])

@@ -229,6 +229,18 @@ impl DirectPass {
         Ok((threshold.value, threshold.error, entries, numbers, audit, rays.first, rays.open))
     }
 
+    /// Numbers for each row and column that the pass makes.
+    #[getter]
+    fn channels(&self) -> usize {
+        self.0.shape().channels.count()
+    }
+
+    /// Matrices that the pass makes.
+    #[getter]
+    fn factors(&self) -> usize {
+        self.0.shape().factors
+    }
+
     /// Traces evenly spread bundles of 64 rows, as the pass itself would, for about so many seconds: (bundles, seconds, rays
     /// to texel centres, rays into edge texels).
     #[pyo3(signature = (seconds, *, threshold, quantum, width))]

@@ -490,7 +490,7 @@ impl Transport {
 }
 
 /// A mix from an array (rows, factors).
-fn mix_of(weights: &PyReadonlyArray2<'_, f32>) -> Result<Mix> {
+pub(super) fn mix_of(weights: &PyReadonlyArray2<'_, f32>) -> Result<Mix> {
     Mix::new(weights.as_array().iter().copied().collect(), weights.shape()[1])
 }
 

@@ -103,6 +103,21 @@ impl Stage {
         self.approximation.set_budget(budget)
     }
 
+    /// Refuses light that is not finite, or of the wrong length.
+    pub fn check(&self, light: &[[f64; 3]]) -> Result<()> {
+        self.approximation.check(light)
+    }
+
+    /// Refuses a choice of bands or columns that are not there.
+    pub fn check_choice(&self, resets: &[usize], columns: &[u32]) -> Result<()> {
+        self.approximation.check_choice(resets, columns)
+    }
+
+    /// The budget as last set.
+    pub fn budget(&self) -> &Budget {
+        &self.approximation.settings().budget
+    }
+
     /// Takes in V, rounded to a grid that follows its size: what outgrows the one in use takes a coarser one, on which
     /// what was applied is rounded and multiplied afresh; what has faded takes a finer one, on which everything already
     /// lies. A V that is refused leaves everything as it was.
@@ -167,7 +182,7 @@ impl Stage {
         match chosen {
             Chosen::Own => Ok(self.approximation.follow(&self.target)),
             Chosen::Largest => Ok(self.approximation.follow_largest(&self.target)),
-            Chosen::Given { resets, columns } => self.approximation.follow_choice(&self.target, resets, columns),
+            Chosen::Given { resets, columns } => Ok(self.approximation.follow_choice(&self.target, resets, columns)),
             Chosen::Whole => {
                 self.approximation.set_values(&self.target)?;
                 Ok(whole(&self.target))

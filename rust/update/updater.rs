@@ -34,6 +34,8 @@ pub enum Initial {
 pub struct Step {
     /// Of the first stage.
     pub update: Update,
+    /// Its place among the pictures of its follower.
+    pub number: u64,
     /// No receiver is further than this from the untruncated product with the light asked for, in red, green and blue.
     pub bound: [f64; 3],
     /// V~ is the light, bit for bit on its grid, in all stages.
@@ -44,9 +46,6 @@ pub struct Step {
     pub multiplying: f64,
 }
 
-/// V on its grid, and V~: one colour a column each.
-pub type TargetAndValues<'a> = (&'a [[f64; 3]], &'a [[f64; 3]]);
-
 /// One follower of the light over one chain.
 pub struct Updater {
     chain: Arc<Chain>,
@@ -56,12 +55,22 @@ pub struct Updater {
     mix: Option<Mix>,
     initial: Option<Initial>,
     pace: Pace,
+    /// Pictures written so far.
+    shown: u64,
 }
 
 impl Updater {
     /// `second`: how the second stage is followed, where there is one.
-    pub fn new(chain: Arc<Chain>, first: Settings, second: Option<Settings>, initial: Initial) -> Result<Self> {
+    /// `mix`: how the responses of several factors are mixed, where there are several.
+    pub fn new(
+        chain: Arc<Chain>,
+        first: Settings,
+        second: Option<Settings>,
+        mix: Option<Mix>,
+        initial: Initial,
+    ) -> Result<Self> {
         let product = &chain.product;
+        check_mix(product, mix.as_ref())?;
         let mut stages = Vec::new();
         match (&product.then, second) {
             (None, None) => {}
@@ -79,18 +88,29 @@ impl Updater {
         Ok(Updater {
             first: Stage::new(product.first.clone(), chain.span, first)?,
             second: stages,
-            mix: None,
+            mix,
             initial: Some(initial),
             pace: Pace::default(),
+            shown: 0,
             chain,
         })
     }
 
-    /// How the responses of several factors are mixed from the next frame on.
-    pub fn set_mix(&mut self, mix: Mix) -> Result<()> {
+    /// Mixes the responses of the last frame anew, from now on: another view, or another BRDF. Nothing is sent for it.
+    pub fn remix(&mut self, mix: Mix, out: &mut [f32]) -> Result<Step> {
+        let started = Instant::now();
+        self.check_room(out)?;
         check_mix(&self.chain.product, Some(&mix))?;
+        if self.outputs().iter().any(|output| output.measured.is_none()) {
+            return Err(Error::input("expected a frame to mix anew: call step first"));
+        }
+        if let Budget::Error { tolerance, .. } = self.first.budget() {
+            let factors = self.chain.error_factors(Some(&mix));
+            self.first.set_budget(Budget::Error { tolerance: *tolerance, factors })?;
+        }
         self.mix = Some(mix);
-        Ok(())
+        self.write(out)?;
+        Ok(self.shown(Update::default(), 0.0, started.elapsed().as_secs_f64()))
     }
 
     /// Moves towards `light` (columns x 3) and writes B (rows x 3). A light that is refused leaves everything as it was.
@@ -98,11 +118,12 @@ impl Updater {
         self.frame(light, out, None, &Chosen::Own)
     }
 
-    /// What somebody else may choose from: V on its grid, and V~. None where it is settled what the first frame takes.
-    pub fn prepare(&mut self, light: &[[f64; 3]]) -> Result<Option<TargetAndValues<'_>>> {
-        self.first.receive(light)?;
+    /// V~, from which somebody else may choose what is sent towards `light`; None where it is settled what the first frame
+    /// takes. A light that is refused here would be refused by `frame`.
+    pub fn prepare(&self, light: &[[f64; 3]]) -> Result<Option<&[[f64; 3]]>> {
+        self.first.check(light)?;
         let settled = matches!(self.initial, Some(Initial::Full | Initial::Nonlinear));
-        Ok((!settled).then(|| (self.first.target(), self.first.values())))
+        Ok((!settled).then(|| self.first.values()))
     }
 
     /// A step by the method itself, or by what somebody else has chosen.
@@ -114,10 +135,9 @@ impl Updater {
         chosen: &Chosen,
     ) -> Result<Step> {
         let started = Instant::now();
-        let rows = self.chain.product.rows();
-        check_mix(&self.chain.product, self.mix.as_ref())?;
-        if out.len() != 3 * rows {
-            return Err(Error::input(format!("expected room for {rows} x 3 values, got {}", out.len())));
+        self.check_room(out)?;
+        if let Chosen::Given { resets, columns } = chosen {
+            self.first.check_choice(resets, columns)?;
         }
         self.first.receive(light)?;
         let settled = started.elapsed().as_secs_f64();
@@ -147,12 +167,26 @@ impl Updater {
         }
         let multiplying = started.elapsed().as_secs_f64() - choosing;
 
-        let bound = self.bound();
-        let converged = self.first.is_converged() && self.second.iter().all(Stage::is_converged);
+        let step = self.shown(update, choosing, multiplying);
         if seconds.is_some() && !whole {
             self.pace.learn(self.first.streamed(), started.elapsed().as_secs_f64() - settled);
         }
-        Ok(Step { update, bound, converged, choosing, multiplying })
+        Ok(step)
+    }
+
+    /// What there is to say of the picture that was just written.
+    fn shown(&mut self, update: Update, choosing: f64, multiplying: f64) -> Step {
+        self.shown += 1;
+        let converged = self.first.is_converged() && self.second.iter().all(Stage::is_converged);
+        Step { update, number: self.shown, bound: self.bound(), converged, choosing, multiplying }
+    }
+
+    fn check_room(&self, out: &[f32]) -> Result<()> {
+        let (rows, found) = (self.chain.product.rows(), out.len());
+        if found == 3 * rows {
+            return Ok(());
+        }
+        Err(Error::input(format!("expected room for {rows} x 3 values, got {found}")))
     }
 
     /// Brings the second stage after the first.
@@ -178,9 +212,8 @@ impl Updater {
         }
     }
 
-    /// Writes B anew from what has been applied: after `set_mix`, nothing has to be sent for it.
-    pub fn write(&self, out: &mut [f32]) -> Result<()> {
-        check_mix(&self.chain.product, self.mix.as_ref())?;
+    /// Writes B from what has been applied.
+    fn write(&self, out: &mut [f32]) -> Result<()> {
         let responses: Vec<_> = self.outputs().iter().map(|output| output.response).collect();
         self.chain.finish(&responses, self.mix.as_ref(), out)
     }
@@ -204,8 +237,13 @@ impl Updater {
         )
     }
 
-    /// The bound of every receiver (rows x 3) for the picture that the last step wrote.
-    pub fn bounds(&self, shown: &[f32], out: &mut [f32]) -> Result<()> {
+    /// The bound of every receiver (rows x 3) for `shown`, the picture that was written last; `number` is its step's.
+    pub fn bounds(&self, number: u64, shown: &[f32], out: &mut [f32]) -> Result<()> {
+        self.check_room(shown)?;
+        self.check_room(out)?;
+        if number != self.shown {
+            return Err(Error::input("expected the frame that was made last: bounds of earlier ones are gone"));
+        }
         let outputs = self.outputs();
         let of: Vec<Vec<[f64; 3]>> =
             outputs.iter().map(|output| Ok(bound_rows(output.matrix, measured(output)?))).collect::<Result<_>>()?;

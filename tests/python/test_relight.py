@@ -13,9 +13,7 @@ import numpy as np
 import pytest
 from forms import BUDGET, FORMS, METHODS, NEVER_CONVERGE, SPACES, STOP_SHORT, TIMED, build
 
-# Every form in Haar wavelets, and some in the other spaces: a path through the core does not depend on both.
-PAIRS = [(form, "haar:8") for form in FORMS] + [(form, space) for form in ("i8", "representatives") for space in SPACES]
-PAIRS = list(dict.fromkeys(PAIRS))
+PAIRS = [(form, space) for form in FORMS for space in SPACES]
 
 
 @pytest.fixture(scope="module", params=PAIRS, ids="-".join)
@@ -101,6 +99,8 @@ def test_static_light_is_reached_bit_for_bit(form, name):
     if name in STOP_SHORT:
         # What is left to send is within the tolerance; what truncation took, no budget can change.
         assert form.reach(still - relighter.values) <= relighter.method.error * (1 + 1e-9)
+        if isinstance(form.columns, dl.Haar):
+            assert frame.bound <= relighter.method.error or frame.converged or form.two_stages
     elif name in NEVER_CONVERGE:
         assert not frame.converged
     else:
@@ -195,8 +195,10 @@ def test_a_passing_sun_leaves_no_trace(form, name):
         assert frame.converged
         # The grid stays that of the sun until the light has faded 2^16-fold: its steps are all that is left.
         wanted, rounding = form.multiply(lights[0]), form.reach(lights[0] - relighter.values)
-        assert rounding < 1e-2
-        np.testing.assert_allclose(frame.values, wanted, rtol=1e-6, atol=1e-6 + rounding)
+        assert rounding < 1e-5 * max(form.reach(V) for V in lights)
+        # Where rows are short, that is nothing to be seen.
+        slack = 0.0 if rounding < 1e-5 else rounding
+        np.testing.assert_allclose(frame.values, wanted, rtol=1e-6, atol=1e-6 + slack)
 
 
 def test_threads_do_not_change_a_bit(form, repeatable):
@@ -263,16 +265,132 @@ def test_a_picture_that_is_kept_is_not_written_again(form):
     assert len({values.ctypes.data for values in kept}) == 6
 
 
-def test_initial_says_what_the_first_frame_applies(form):
+@pytest.mark.parametrize("method", ["linear", "nonlinear", "incremental", "per-band", "harmonic-order", "own"])
+def test_initial_says_what_the_first_frame_applies(form, method):
     V = np.random.default_rng(3).normal(size=(form.count, 3))
-    full, nonlinear, black = (form.relighter(dl.PerBand(terms=BUDGET), i) for i in ("full", "nonlinear", None))
+    full, nonlinear, black = (form.relighter(METHODS[method], i) for i in ("full", "nonlinear", None))
     assert full.step(V).converged
+    if method == "harmonic-order":
+        # Its weights are those of harmonics: none.
+        key = np.abs(V).sum(axis=1)
+        assert nonlinear.step(V).columns.tolist() == np.sort(np.argsort(-key, kind="stable")[:BUDGET]).tolist()
+        return
     key = form.columns.areas * np.abs(V).sum(axis=1)
     largest = np.sort(np.argsort(-key, kind="stable")[:BUDGET])
     assert nonlinear.step(V).columns.tolist() == largest.tolist()
     assert len(black.step(V).columns) == BUDGET
     with pytest.raises(ValueError, match='expected initial="full"'):
         form.relighter(dl.Full(), "half")
+
+
+@pytest.mark.parametrize("space", SPACES)
+@pytest.mark.parametrize("kind", ["factors", "tree", "representatives"])
+def test_a_new_mix_is_a_frame_of_its_own(kind, space):
+    form = build(kind, space)
+    relighter = form.relighter(METHODS["incremental"])
+    with pytest.raises(ValueError, match="call step first"):
+        relighter.mix(form.mix)
+    with pytest.raises(ValueError, match="expected a mix of shape"):
+        dl.Relighter(form.transport, METHODS["incremental"])
+    lights = path(form, 12)
+    for V in lights[:3]:
+        frame = relighter.step(V)
+    large, other = form.mix, np.random.default_rng(9).normal(size=form.mix.shape).astype(np.float32)
+    for mix in (np.float32(1e-3) * large, np.float32(100) * other):
+        earlier, frame = frame, relighter.mix(mix)
+        bounds = relighter.bounds(frame)
+        form.mix[...] = mix
+        error = np.abs(frame.values.astype(np.float64) - form.oracle(lights[2]))
+        assert (error <= bounds).all() and error.max() <= frame.bound and len(frame.columns) == 0
+        # A bound is that of one picture.
+        with pytest.raises(ValueError, match="made last"):
+            relighter.bounds(earlier)
+    with pytest.raises(ValueError, match="expected a mix of shape"):
+        relighter.mix(mix[:, :1])
+    with pytest.raises(ValueError, match="finite"):
+        relighter.mix(np.full_like(mix, np.nan))
+    for _ in range(200):
+        frame = relighter.step(lights[2])
+    assert frame.converged
+    np.testing.assert_array_equal(frame.values, form.multiply(relighter.values))
+
+
+def test_a_budget_in_error_holds_for_a_new_mix():
+    form = build("factors", "haar:8")
+    relighter = form.relighter(dl.Incremental(error=5.0))
+    here, there = path(form, 9)[0], path(form, 9, seed=2)[0]
+    relighter.step(here), relighter.step(there)
+    relighter.mix(100 * form.mix)
+    for _ in range(4):
+        frame = relighter.step(there)
+    twin = dl.Relighter(form.transport, dl.Incremental(error=5.0), mix=100 * form.mix)
+    twin.step(here)
+    for _ in range(4):
+        expected = twin.step(there)
+    assert expected.bound < 2 * 5.0 or expected.converged
+    assert frame.bound <= max(expected.bound, 5.0) or frame.converged
+
+
+class _Faulty(dl.Method):
+    """Says what it is told to say."""
+
+    answer: object = dl.Choice()
+
+    def choose(self, state):
+        if isinstance(_Faulty.answer, Exception):
+            raise _Faulty.answer
+        return _Faulty.answer
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e3, 1e12])
+@pytest.mark.parametrize(
+    "answer",
+    [
+        None,
+        dl.Choice(columns=[10**6]),
+        dl.Choice(resets=[99]),
+        dl.Choice(columns=[[1], [2, 3]]),
+        dl.Choice(columns=[-1]),
+        dl.Choice(columns=[0.5]),
+        ValueError("own"),
+    ],
+    ids=["none", "column", "band", "ragged", "negative", "half", "raises"],
+)
+def test_a_choice_that_is_refused_changes_nothing(one_of_each, scale, answer):
+    form = one_of_each
+    relighter, twin = (form.relighter(_Faulty(), None) for _ in range(2))
+    lights = [V / 3 for V in path(form, 9)]
+    everything = dl.Choice(columns=np.arange(form.count))
+    for V in lights[:2]:
+        _Faulty.answer = everything
+        relighter.step(V), twin.step(V)
+    _Faulty.answer = answer
+    before = relighter.values
+    with pytest.raises(ValueError):
+        relighter.step(scale * lights[4])
+    np.testing.assert_array_equal(relighter.values, before)
+    _Faulty.answer = everything
+    for V in lights[5:]:
+        np.testing.assert_array_equal(relighter.step(V).values, twin.step(V).values)
+
+
+def test_a_method_of_ones_own_looks_and_does_not_write(one_of_each):
+    class Meddling(dl.Method):
+        def choose(self, state):
+            for array in (state.target, state.values, state.bands, state.areas, state.weights):
+                with pytest.raises(ValueError, match="read-only"):
+                    array[...] = 0
+            return dl.Choice(columns=np.arange(len(state.target)))
+
+    V = path(one_of_each, 5)[0]
+    kept = V.copy()
+    assert len(one_of_each.relighter(Meddling(), None).step(V).columns) > 0
+    dl.Approximation(one_of_each.columns, Meddling(terms=5)).step(V)
+    np.testing.assert_array_equal(V, kept)
+    with pytest.raises(ValueError, match="Unwritten has none"):
+        type("Unwritten", (dl.Method,), {})(terms=3)
+    with pytest.raises(ValueError, match="Method has none"):
+        dl.Method(terms=3)
 
 
 def test_what_a_frame_says(cornell):

@@ -6,6 +6,7 @@ the pool: work that waits for a lock inside the pool is stolen by the thread tha
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import threading
 
@@ -13,6 +14,7 @@ import deltalux as dl
 import numpy as np
 import pytest
 from deltalux import _core
+from deltalux.precomputation.preparation import Prepared
 
 COLUMNS = dl.Haar(8)
 CALLS = 60
@@ -69,11 +71,68 @@ def test_a_relighter_shared_by_threads(transport, lights, threads):
             frame = relighter.step(lights[(call + k) % len(lights)])
             assert np.isfinite(frame.values).all() and relighter.nbytes > 0 and relighter.values.shape
             if call % 8 == 0:
-                relighter.bounds(frame)
+                # Another thread may have made a frame since.
+                with contextlib.suppress(ValueError):
+                    relighter.bounds(frame)
 
     together(threads, work)
     frame = relighter.step(lights[0])
     np.testing.assert_array_equal(frame.values, transport.multiply(relighter.values))
+
+
+class Counted(dl.Method):
+    """Everything that differs, in turns of a hundred; says how often it was asked."""
+
+    asked = 0
+
+    def choose(self, state):
+        Counted.asked += 1
+        return dl.Choice(columns=np.flatnonzero(state.change.any(axis=1)))
+
+
+@both
+def test_a_relighter_by_a_method_of_ones_own_shared_by_threads(transport, lights, threads):
+    """Every frame but the first is its own choice: nothing is chosen between a question and its answer."""
+    for _ in range(10):
+        Counted.asked = 0
+        relighter = dl.Relighter(transport, Counted(terms=100))
+        together(threads, lambda k, r=relighter: [r.step(lights[(call + k) % len(lights)]) for call in range(4)])
+        assert Counted.asked == 4 * threads - 1
+    frame = relighter.step(lights[0])
+    np.testing.assert_array_equal(frame.values, transport.multiply(relighter.values))
+
+
+@both
+def test_a_mix_changed_by_threads(lights, threads):
+    factors = [tiled(seed=seed) for seed in range(2)]
+    transport = dl.Transport(_core.Transport.join([factor._core for factor in factors]))
+    rng = np.random.default_rng(2)
+    mixes = rng.normal(size=(8, transport.shape[0], 2)).astype(np.float32)
+    relighter = dl.Relighter(transport, dl.PerBand(terms=100), mix=mixes[0])
+    relighter.step(lights[0])
+
+    def work(k):
+        for call in range(CALLS):
+            (relighter.step(lights[call % 8]) if call % 2 else relighter.mix(mixes[(call + k) % 8])).values.sum()
+
+    together(threads, work)
+    frame = relighter.mix(mixes[3])
+    np.testing.assert_array_equal(frame.values, transport.multiply(relighter.values, mix=mixes[3]))
+
+
+@both
+def test_a_pass_shared_by_threads(tmp_path, threads):
+    scene = dl.Scene.builtin("cornell")
+    prepared = Prepared(scene.with_camera(scene.camera.resized(24, 24)), "haar:4", "preview", None)
+
+    def work(k):
+        for call in range(8):
+            if (call + k) % 2:
+                prepared.direct.tile(64 * k % 256, 64, threshold=0.0, quantum=-24, width="i8")
+            else:
+                prepared.direct.survey(2, tolerance=0.01, quantum=-24, width="i8")
+
+    together(threads, work)
 
 
 @both

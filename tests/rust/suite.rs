@@ -7,7 +7,7 @@ use _core::basis::{ColumnSpace, HaarTree};
 use _core::transport::{Channels, Dense, Factors, Link, Product, TransportMatrix, Weights, Width};
 use _core::update::{Budget, Chain, Colours, Initial, Mix, Settings, Updater};
 
-use crate::transport::{matrix, noise};
+use crate::transport::{matrix, noise, random_dense, rule};
 use crate::update::every_method;
 
 type Light = Vec<[f64; 3]>;
@@ -35,6 +35,21 @@ type Make = fn(ColumnSpace) -> Form;
 const FORMS: [(&str, Make); 8] = [
     ("i8", |space| one(matrix(space, ROWS, Channels::One, 1, Width::I8))),
     ("i16", |space| one(matrix(space, ROWS, Channels::One, 2, Width::I16))),
+    ("truncated", |space| {
+        let dense = random_dense(space, ROWS, Channels::One, 22);
+        Form {
+            oracle: Box::new(plain(dense.clone())),
+            ..one(dense.compress(space, &rule(space, 0.05, Width::I8), 32).unwrap())
+        }
+    }),
+    ("long rows", |space| {
+        let mut dense = random_dense(space, ROWS, Channels::One, 23);
+        dense.values.iter_mut().enumerate().for_each(|(k, x)| *x *= if k % 3 == 0 { 4096.0 } else { 1.0 });
+        Form {
+            oracle: Box::new(plain(dense.clone())),
+            ..one(dense.compress(space, &rule(space, 0.0, Width::I16), 32).unwrap())
+        }
+    }),
     ("three channels", |space| one(matrix(space, ROWS, Channels::Three, 3, Width::I8))),
     ("factors", |space| {
         let each: Vec<_> = (4..7).map(|seed| Arc::new(matrix(space, ROWS, Channels::One, seed, Width::I8))).collect();
@@ -115,7 +130,10 @@ const FORMS: [(&str, Make); 8] = [
 
 /// What a matrix holds, as a plain product.
 fn dense(matrix: &TransportMatrix) -> impl Fn(&[[f64; 3]]) -> Vec<[f64; 3]> + 'static {
-    let dense = Dense::of(matrix);
+    plain(Dense::of(matrix))
+}
+
+fn plain(dense: Dense) -> impl Fn(&[[f64; 3]]) -> Vec<[f64; 3]> + 'static {
     move |light| {
         dense.multiply(light.as_flattened(), 3).chunks_exact(3).map(|colours| colours.try_into().unwrap()).collect()
     }
@@ -161,7 +179,7 @@ fn between(a: &[[f64; 3]], b: &[[f64; 3]], t: f64) -> Light {
 
 #[test]
 fn every_form_under_every_method_is_within_its_bound_and_ends_exact() {
-    for (name, form) in FORMS {
+    for &(name, form) in FORMS {
         for (space, method) in
             spaces().into_iter().flat_map(|space| every_method().into_iter().map(move |m| (space, m)))
         {
@@ -170,10 +188,8 @@ fn every_form_under_every_method_is_within_its_bound_and_ends_exact() {
             let (product, space) = (&chain.product, chain.product.first.space());
             let second = product.then.as_ref().map(|then| settings(then.space(), method, usize::MAX));
             let mut follow =
-                Updater::new(Arc::clone(&chain), settings(space, method, TERMS), second, Initial::Black).unwrap();
-            if let Some(mix) = &mix {
-                follow.set_mix(mix.clone()).unwrap();
-            }
+                Updater::new(Arc::clone(&chain), settings(space, method, TERMS), second, mix.clone(), Initial::Black)
+                    .unwrap();
             let (from, to) = (light(space.columns(), 21), light(space.columns(), 22));
             let moving = (0..8).map(|frame| between(&from, &to, f64::from(frame) / 7.0));
             let still = std::iter::repeat_n(to.clone(), space.columns().div_ceil(TERMS) + 1);
@@ -182,7 +198,7 @@ fn every_form_under_every_method_is_within_its_bound_and_ends_exact() {
             for (frame, target) in moving.chain(still).enumerate() {
                 let step = follow.step(&target, &mut out).unwrap();
                 converged = step.converged;
-                follow.bounds(&out, &mut bounds).unwrap();
+                follow.bounds(step.number, &out, &mut bounds).unwrap();
                 let exact = oracle(&target);
                 for (k, ((&found, &bound), exact)) in out.iter().zip(&bounds).zip(exact.as_flattened()).enumerate() {
                     let error = (f64::from(found) - exact).abs();
@@ -204,6 +220,30 @@ fn every_form_under_every_method_is_within_its_bound_and_ends_exact() {
                 Method::Nonlinear | Method::Linear | Method::PerBand { test: BandTest::Fixed { .. }, .. }
             );
             assert!(converged || never, "{name}, {space}, {method:?}: not converged");
+            // Mixed anew, the last picture is that of a fresh product again, and its bound is of the new mix.
+            let remixed = mix.as_ref().map(|mix| {
+                let (rows, factors) = mix.shape();
+                let weights = (0..rows).flat_map(|row| mix.row(row).iter().map(|weight| 1e-3 * weight)).collect();
+                Mix::new(weights, factors).unwrap()
+            });
+            if let Some(smaller) = remixed {
+                let mut small = vec![0.0; 3 * ROWS];
+                let step = follow.remix(smaller.clone(), &mut small).unwrap();
+                assert!(follow.bounds(step.number - 1, &out, &mut bounds).is_err());
+                follow.bounds(step.number, &small, &mut bounds).unwrap();
+                let exact = oracle(&to);
+                let size = exact.as_flattened().iter().fold(0.0f64, |most, x| most.max(x.abs()));
+                for ((&found, &bound), exact) in small.iter().zip(&bounds).zip(exact.as_flattened()) {
+                    // The weights of the smaller mix are rounded to f32, each by 2^-24 of it.
+                    let error = (f64::from(found) - 1e-3 * exact).abs();
+                    assert!(error <= f64::from(bound) + 1e-7 * size, "{name}, {method:?}: {error} > {bound}");
+                }
+                if converged {
+                    let mut fresh = vec![0.0; 3 * ROWS];
+                    chain.multiply(&[&to], Some(&smaller), &mut fresh).unwrap();
+                    assert_eq!(small, fresh, "{name}, {space}, {method:?}: mixed anew");
+                }
+            }
             if converged {
                 let mut fresh = vec![0.0; 3 * ROWS];
                 chain.multiply(&[&to], mix.as_ref(), &mut fresh).unwrap();

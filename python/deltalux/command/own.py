@@ -49,7 +49,7 @@ def read_own(text: str) -> type[Method]:
     return found
 
 
-def add_own(command: argparse.ArgumentParser) -> None:
+def add_own(command: argparse.ArgumentParser, where: str = "") -> None:
     """The argument of commands that compare methods."""
     command.add_argument(
         "--method",
@@ -57,5 +57,5 @@ def add_own(command: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar=OWN,
-        help=f"a method of your own, of {TERMS} terms",
+        help=f"a method of your own, of {TERMS} terms{where}",
     )

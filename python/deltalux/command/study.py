@@ -34,7 +34,7 @@ def add(commands: Any) -> None:
     )
     command.add_argument("--columns", default="haar:64", metavar="haar:N", help="default: %(default)s")
     add_motion(command, rotate=45.0, hold=25)
-    add_own(command)
+    add_own(command, f" (in {', '.join(name for name, study in STUDIES.items() if study.takes_methods)})")
     command.add_argument("-o", "--output", metavar="FOLDER", help="default: deltalux-study-NAME")
 
 

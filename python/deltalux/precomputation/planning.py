@@ -11,6 +11,7 @@ from .._core import threads as used_threads
 from ..transport.entry import GROUP, TILE_ROWS, TILES_PER_SHARD, entry_bytes
 from ..transport.plan import Cost, LeftOut, Part, Plan
 from .preparation import BUNDLE, QUANTUM, Prepared, surveyed_bundles
+from .room import INTERPRETER, PIXEL, TRIANGLE
 
 __all__ = ["DIRECT", "make_plan"]
 
@@ -20,12 +21,12 @@ DIRECT = "direct"
 # Seconds of the probe, and bundles that are surveyed for it.
 _PROBE = 0.8
 _LOOKED = 8
-# Bytes that a row takes until its receivers are written, each triangle in the tree, and the interpreter.
-_ROW, _TRIANGLE, _INTERPRETER = 250.0, 400.0, 120e6
 # Untruncated groups that a transport keeps, and how much of their columns is not zero.
 _AUDIT_GROUPS, _FILLED = 32, 0.5
 # How far runs of one scene on one idle machine scatter, besides what the probe does not see.
 _SCATTER = 0.1
+# A plan is held to this on an idle machine (`benches/plan.py`).
+_AT_MOST = 0.3
 
 
 @dataclass(frozen=True)
@@ -53,8 +54,8 @@ def make_plan(prepared: Prepared) -> Plan:
         columns=str(columns),
         column_count=columns.columns,
         bands=int(columns.bands[-1]) + 1,
-        channels=1,
-        factors=1,
+        channels=prepared.direct.channels,
+        factors=prepared.direct.factors,
         bounces=0,
         why=f"light of {6 * columns.face**2:,} texels that arrives directly",
         cost=_cost(prepared, probe),
@@ -66,7 +67,7 @@ def make_plan(prepared: Prepared) -> Plan:
         quality=prepared.quality,
         tolerance=settings.tolerance,
         parts=[part],
-        left_out=_left_out(prepared, probe),
+        left_out=_left_out(prepared, probe, part),
         notes=[*(f"{count} {what}" for what, count in scene.counts.items() if count), *scene.warnings],
     )
 
@@ -92,16 +93,17 @@ def _probe(prepared: Prepared) -> _Probe:
         above_share=rays / (min(looked * BUNDLE, prepared.count) * texels),
         hit_share=1 - unhit / max(rays, 1),
         entries_per_group=entries,
-        uncertainty=_SCATTER + 0.5 / bundles**0.5,
+        uncertainty=min(_SCATTER + 0.5 / bundles**0.5, _AT_MOST),
     )
 
 
 def _cost(prepared: Prepared, probe: _Probe) -> Cost:
     rows, columns, settings = prepared.count, prepared.columns, prepared.settings
     groups, tiles = -(-rows // GROUP), -(-rows // TILE_ROWS)
-    entry = entry_bytes(settings.width, 1)
+    channels = prepared.direct.channels
+    entry = entry_bytes(settings.width, channels)
     tile = TILE_ROWS / GROUP * probe.entries_per_group * entry
-    audit = min(_AUDIT_GROUPS, groups // 64) * columns.columns * _FILLED * entry_bytes("i16", 1)
+    audit = min(_AUDIT_GROUPS, groups // 64) * columns.columns * _FILLED * entry_bytes("i16", channels)
     bands = int(columns.bands[-1]) + 1
     camera = prepared.scene.camera
     receivers = rows * (4 + 4 + 36 + 2) + 4 * camera.width * camera.height
@@ -117,9 +119,9 @@ def _cost(prepared: Prepared, probe: _Probe) -> Cost:
     return Cost(
         rays=prepared.bundles * (probe.first_rays + probe.edge_rays),
         bytes_on_disk=matrix + receivers + audit,
-        bytes_in_memory=_INTERPRETER
-        + _TRIANGLE * len(prepared.scene.triangles)
-        + _ROW * rows
+        bytes_in_memory=INTERPRETER
+        + TRIANGLE * len(prepared.scene.triangles)
+        + PIXEL * rows
         + scratch
         + min(tiles, TILES_PER_SHARD) * tile * 3
         + audit,
@@ -130,15 +132,18 @@ def _cost(prepared: Prepared, probe: _Probe) -> Cost:
     )
 
 
-def _left_out(prepared: Prepared, probe: _Probe) -> list[LeftOut]:
+def _left_out(prepared: Prepared, probe: _Probe, part: Part) -> list[LeftOut]:
     """What the scene and the request do not call for: each reason names what was found."""
     scene, settings, columns = prepared.scene, prepared.settings, prepared.columns
     materials = "its material is" if len(scene.albedo) == 1 else f"all {len(scene.albedo)} materials are"
-    left_out = [
-        LeftOut("2 of 3 colour channels", f"{materials} diffuse and lit directly, so that albedos stay outside M"),
-        LeftOut("bounces", _bounces(probe)),
-        LeftOut("view factors", f"one view, and {materials} diffuse"),
-    ]
+    left_out = []
+    if part.channels == 1:
+        why = f"{materials} diffuse and lit directly, so that albedos stay outside M"
+        left_out.append(LeftOut("2 of 3 colour channels", why))
+    if part.bounces == 0:
+        left_out.append(LeftOut("bounces", _bounces(probe)))
+    if part.factors == 1:
+        left_out.append(LeftOut("view factors", f"one view, and {materials} diffuse"))
     behind = int((prepared.rows.background == 1).sum())
     if behind:
         left_out.append(LeftOut("rows for pixels without a surface", f"{behind:,} pixels show the environment itself"))

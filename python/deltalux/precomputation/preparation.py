@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from numbers import Real
 
 import numpy as np
 
@@ -68,11 +69,11 @@ class Prepared:
 
 
 def _settings(quality: str, tolerance: float | None) -> Quality:
-    if quality not in QUALITIES:
+    if not isinstance(quality, str) or quality not in QUALITIES:
         raise ValueError(f"expected a quality of {', '.join(QUALITIES)}, got {quality!r}")
     chosen = QUALITIES[quality]
     if tolerance is None:
         return chosen
-    if not 0 <= tolerance < 1:
-        raise ValueError(f"expected a tolerance from 0 to 1 (0.01 is 1 % image error), got {tolerance}")
+    if not isinstance(tolerance, Real) or not 0 <= tolerance < 1:
+        raise ValueError(f"expected a tolerance from 0 to 1 (0.01 is 1 % image error), got {tolerance!r}")
     return replace(chosen, tolerance=float(tolerance))

@@ -10,9 +10,9 @@ from pathlib import Path
 from ..scene.scene import Scene
 from ..transport.plan import Plan
 
-# What is taken before anything is known of the scene but its size: for each pixel that is looked at, each triangle, and
-# the interpreter with all that it loads.
-_PIXEL, _TRIANGLE, _INTERPRETER = 250.0, 400.0, 120e6
+# Bytes: for each pixel that is looked at, and the row that it becomes until receivers are written; each triangle in the
+# tree; and the interpreter with all that it loads.
+PIXEL, TRIANGLE, INTERPRETER = 250.0, 400.0, 120e6
 
 
 def check_request(scene: Scene) -> None:
@@ -24,7 +24,7 @@ def check_request(scene: Scene) -> None:
         With the number that is needed and the number that there is.
     """
     pixels = scene.camera.width * scene.camera.height
-    _check_memory(scene.name, _INTERPRETER + _PIXEL * pixels + _TRIANGLE * len(scene.triangles))
+    _check_memory(scene.name, INTERPRETER + PIXEL * pixels + TRIANGLE * len(scene.triangles))
 
 
 def check_folder_of(path: Path) -> Path:

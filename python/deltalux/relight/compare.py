@@ -95,8 +95,10 @@ def compare(
     ValueError
         If there is nothing to compare, or an argument cannot be used.
     """
-    if not methods:
-        raise ValueError("expected at least one update method such as PerBand(terms=30)")
+    if not isinstance(env, Environment):
+        raise ValueError(f"expected an Environment, got {type(env).__name__}")
+    if isinstance(methods, Method) or not methods:
+        raise ValueError("expected a list of at least one update method such as [PerBand(terms=30)]")
     motion = motion or Motion()
     rows = [EXACT, *own(methods)]
     found = replay(

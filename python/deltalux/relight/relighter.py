@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -18,6 +19,17 @@ from ..update.settings import asked, settings, weights_of
 
 __all__ = ["Frame", "Relighter"]
 
+# What the core says of a frame: B; columns, changes and resets; its number; and what `Frame` says in these words.
+_Stepped = tuple[
+    NDArray[np.float32],
+    tuple[NDArray[np.uint32], NDArray[np.float64], list[int]],
+    int,
+    tuple[float, float, float],
+    bool,
+    float,
+    float,
+]
+
 # What is done with a frame after its product takes this much less than all of a budget in time.
 _ON_TIME = 0.98
 
@@ -30,7 +42,7 @@ class Frame:
     ----------
     values
         (rows, 3) float32: B, the response of every receiver before the albedo. Exactly what a fresh product of the
-        light as applied so far gives.
+        light as applied so far gives; of two stages, once `converged`.
     columns
         (m,) uint32: the columns that were sent, ascending.
     resets
@@ -56,6 +68,7 @@ class Frame:
     converged: bool
     _transport: Transport = field(repr=False)
     _env: Environment | None = field(repr=False)
+    _number: int = field(repr=False)
 
     @cached_property
     def image(self) -> NDArray[np.float32]:
@@ -83,7 +96,8 @@ class Relighter:
         How the second stage of a transport of two is followed; by default the largest changes of a quarter of its
         columns.
     mix
-        (rows, factors): by which weights the responses of several factors are added; see `Relighter.mix`.
+        (rows, factors): by which weights the responses of several factors are added; needed where there are several.
+        See `Relighter.mix`.
 
     Raises
     ------
@@ -120,10 +134,10 @@ class Relighter:
             band_norms=core.error_factors(weights) if method.error is not None else None,
             timed=timed,
         )
-        self._core = Updater(core, chosen, _second(transport, second), initial=initial)
+        self._core = Updater(core, chosen, _second(transport, second), mix=weights, initial=initial)
         self._weights = weights_of(method, areas, norms, costs) if method.is_own else None
-        if weights is not None:
-            self._core.set_mix(weights)
+        # What a method of one's own is shown, and the frame that follows its choice, are one step for all threads.
+        self._asking = threading.RLock()
 
     def step(self, light: Environment | ArrayLike) -> Frame:
         """One frame towards a light.
@@ -151,37 +165,51 @@ class Relighter:
             V = np.ascontiguousarray(light, np.float64)
         if V.shape != (self.transport.shape[1], 3):
             raise ValueError(f"expected a light of shape ({self.transport.shape[1]}, 3), got {V.shape}")
-        given = None if self._weights is None else self._ask(V, self._weights)
+        if self._weights is None:
+            return self._step(V, started, None, env)
+        with self._asking:
+            return self._step(V, started, self._ask(V, self._weights), env)
+
+    def _step(
+        self,
+        V: NDArray[np.float64],
+        started: float,
+        given: tuple[list[int], NDArray[np.uint32]] | None,
+        env: Environment | None,
+    ) -> Frame:
         projected = time.perf_counter() - started
         left = None if self._seconds is None else self._seconds - projected
-        values, (columns, _, resets), bound, converged, choosing, multiplying = self._core.step(V, left, given)
-        seconds = time.perf_counter() - started
+        return self._frame(self._core.step(V, left, given), started, projected, env)
+
+    def _ask(self, V: NDArray[np.float64], weights: NDArray[np.float64]) -> tuple[list[int], NDArray[np.uint32]] | None:
+        """What a method of one's own says of a frame; None where it is settled what the first frame takes."""
+        values = self._core.prepare(V)
+        if values is None:
+            return None
+        columns = self.transport.columns
+        return asked(self.method, State(V, values, columns.bands, columns.areas, weights))
+
+    def _frame(self, stepped: _Stepped, started: float, projected: float, env: Environment | None) -> Frame:
+        values, (columns, _, resets), number, bound, converged, choosing, multiplying = stepped
         return Frame(
             values=values,
             columns=columns,
             resets=tuple(resets),
-            seconds=seconds,
+            seconds=time.perf_counter() - started,
             choosing=projected + choosing,
             multiplying=multiplying,
             bound=max(bound),
             converged=converged,
             _transport=self.transport,
             _env=env,
+            _number=number,
         )
 
-    def _ask(self, V: NDArray[np.float64], weights: NDArray[np.float64]) -> tuple[list[int], NDArray[np.uint32]] | None:
-        """What a method of one's own says of a frame; None where it is settled what the first frame takes."""
-        prepared = self._core.prepare(V)
-        if prepared is None:
-            return None
-        columns = self.transport.columns
-        return asked(self.method, State(*prepared, columns.bands, columns.areas, weights))
+    def mix(self, weights: ArrayLike) -> Frame:
+        """Mixes the factors' responses of the last frame anew: another view of a glossy scene, another BRDF.
 
-    def mix(self, weights: ArrayLike) -> NDArray[np.float32]:
-        """Mixes the factors' responses anew: another view of a glossy scene, another BRDF of a family.
-
-        Nothing of the light is sent for it, and the result is exact: it is what `Transport.multiply` of `values` gives
-        with this mix.
+        Nothing of the light is sent for it: it is the frame that `step` would have made with this mix, without the
+        environment behind it. A budget in error holds for the new mix from the next frame on.
 
         Parameters
         ----------
@@ -190,16 +218,16 @@ class Relighter:
 
         Returns
         -------
-        (rows, 3) float32
-            B under the light as applied so far.
+        Frame
+            With a bound of its own.
 
         Raises
         ------
         ValueError
-            If the shape is wrong or a weight is not finite.
+            If the shape is wrong, a weight is not finite, or there was no frame yet.
         """
-        self._core.set_mix(self.transport.mixed(weights))
-        return self._core.write()
+        started = time.perf_counter()
+        return self._frame(self._core.remix(self.transport.mixed(weights)), started, 0.0, None)
 
     def bounds(self, frame: Frame) -> NDArray[np.float32]:
         """The bound of every receiver by itself; `Frame.bound` is the largest of them.
@@ -207,18 +235,26 @@ class Relighter:
         Parameters
         ----------
         frame
-            What the last step gave.
+            The last one, of `step` or `mix`.
 
         Returns
         -------
         (rows, 3) float32
             In the unit of `Frame.values`.
+
+        Raises
+        ------
+        ValueError
+            If the frame is not the last.
         """
-        return self._core.bounds(frame.values)
+        return self._core.bounds(frame._number, frame.values)
 
     @property
     def values(self) -> NDArray[np.float64]:
-        """V as applied so far, (columns, 3) float64: `transport.multiply` of it is the last frame, bit for bit."""
+        """V as applied so far, (columns, 3) float64: `transport.multiply` of it is the last frame, bit for bit.
+
+        Of two stages this is the first's V; their frame is the product once it is converged.
+        """
         return self._core.values()
 
     @property
@@ -234,10 +270,13 @@ def _second(transport: Transport, method: Method | None) -> Settings | None:
         if method is not None:
             raise ValueError("expected second= with a transport of two stages only, but this one has one")
         return None
+    if method is not None and not isinstance(method, Method):
+        raise ValueError(f"expected an update method as second=, got {method!r}")
     if method is None:
         method = Incremental(terms=-(-columns.columns // 4), weight="transport")
-    if method.milliseconds is not None or method.error is not None or method.is_own:
+    if method.milliseconds is not None or method.error is not None or method.is_own or method.weight == "cost":
         raise ValueError(
-            f"expected a budget in terms, and a method of the package, for the second stage, got {method!r}"
+            "expected a budget in terms, a weight without costs, and a method of the package for the second stage, "
+            f"got {method!r}"
         )
     return settings(method, columns.areas, column_norms=transport._core.second_column_norms())

@@ -6,7 +6,7 @@ It lies with the transport, which keeps it, and not with its maker: a file opens
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
@@ -90,7 +90,7 @@ class LeftOut:
     why: str
 
     def __str__(self) -> str:
-        return f"{self.what}: {self.why}"
+        return f"{self.what}: {self.why}" if self.why else self.what
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ class Plan:
     def _cost(self) -> str:
         least, most = (sum(getattr(cost, name) for cost in self.costs) for name in ("least_seconds", "most_seconds"))
         return (
-            f"about {self.rays / 1e6:,.0f} million rays, {_duration(least)} to {_duration(most)} on "
+            f"about {_count(self.rays)} rays, {_duration(least)} to {_duration(most)} on "
             f"{self.costs[0].threads} threads, {_megabytes(self.bytes_on_disk)} MB on disk, "
             f"{_megabytes(self.bytes_in_memory)} MB in memory"
         )
@@ -189,7 +189,7 @@ class Plan:
         return replace(self, parts=parts, notes=[*self.notes, *notes])
 
     def to_json(self) -> str:
-        """The plan as text, which `from_json` reads.
+        """The plan as text, which `from_json` reads, but for the cost: a file is read on other machines.
 
         Returns
         -------
@@ -223,14 +223,19 @@ class Plan:
             raise ValueError(f"expected a plan, but {type(error).__name__}: {error}") from None
 
 
-_COUNT = (int, lambda value: 0 <= value < 1 << 63, "a count")
-_TEXT = (str, lambda value: True, "a text")
-_SHAPES: dict[type[Any], dict[str, Any]] = {
-    Part: dict.fromkeys(("name", "make", "columns", "why"), _TEXT)
-    | dict.fromkeys(("rows", "column_count", "bands", "channels", "factors", "bounces"), _COUNT),
-    LeftOut: dict.fromkeys(("what", "why"), _TEXT),
-    Plan: dict.fromkeys(("scene", "quality"), _TEXT)
-    | {"triangles": _COUNT, "tolerance": ((int, float), lambda value: 0 <= value < 1, "a share")},
+# A type, what must hold of a value, and the words for it.
+_Shape = tuple[Any, Callable[[Any], bool], str]
+_COUNT: _Shape = (int, lambda value: 0 <= value < 1 << 63, "a count")
+_TEXT: _Shape = (str, lambda value: True, "a text")
+_SHARE: _Shape = ((int, float), lambda value: 0 <= value < 1, "a share")
+_PART: dict[str, _Shape] = {
+    **{name: _TEXT for name in ("name", "make", "columns", "why")},
+    **{name: _COUNT for name in ("rows", "column_count", "bands", "channels", "factors", "bounces")},
+}
+_SHAPES: dict[type[Any], dict[str, _Shape]] = {
+    Part: _PART,
+    LeftOut: {"what": _TEXT, "why": _TEXT},
+    Plan: {"scene": _TEXT, "quality": _TEXT, "triangles": _COUNT, "tolerance": _SHARE},
 }
 
 
@@ -249,7 +254,7 @@ def _known(kind: type[Any], values: Mapping[str, Any]) -> dict[str, Any]:
     return {name: _checked(name, values[name], shape) for name, shape in _SHAPES[kind].items()}
 
 
-def _checked(name: str, value: Any, shape: tuple[Any, Any, str]) -> Any:
+def _checked(name: str, value: Any, shape: _Shape) -> Any:
     kind, holds, expected = shape
     if isinstance(value, bool) or not isinstance(value, kind) or not holds(value):
         raise ValueError(f"expected {expected} as the plan's {name}, found {value!r:.80}")
@@ -270,6 +275,11 @@ def _duration(seconds: float) -> str:
     if seconds < 10:
         return f"{seconds:.1f} s"
     return f"{seconds:.0f} s" if seconds < 600 else f"{seconds / 60:.0f} min"
+
+
+def _count(number: float) -> str:
+    """Two digits, or whole millions."""
+    return f"{number / 1e6:,.0f} million" if number > 10e6 else f"{int(float(f'{number:.2g}')):,}"
 
 
 def _megabytes(count: float) -> str:

@@ -17,7 +17,7 @@ class _Points:
     """What all receivers have in common: a surface point a row."""
 
     kind: str
-    """The word for them in a file."""
+    """What errors call them."""
 
     def __init__(self, core: ReceiverTable) -> None:
         self._core = core

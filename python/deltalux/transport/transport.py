@@ -235,6 +235,8 @@ class Transport:
         ValueError
             If the transport has several parts.
         """
+        if not 0 <= i < self.shape[0]:
+            raise IndexError(f"expected a row from 0 to {self.shape[0] - 1}, got {i}")
         row = self._core.row(i)
         return row[:, 0] if row.shape[1] == 1 else row
 
@@ -331,6 +333,8 @@ class Transport:
         """
         import scipy.sparse
 
+        if not 0 <= channel < self.channels:
+            raise IndexError(f"expected a channel from 0 to {self.channels - 1}, got {channel}")
         indptr, indices, data = self._core.to_csr(channel)
         return scipy.sparse.csr_matrix((data, indices, indptr), shape=self.shape)
 
@@ -355,8 +359,7 @@ class Transport:
         ValueError
             If each colour has an M of its own.
         """
-        if self.channels != 1:
-            raise ValueError("expected a transport of one channel; take `to_scipy(channel)`, or `multiply` for colours")
+        self._check_one_channel()
         columns = np.asarray(x, np.float64).reshape(self.shape[1], -1).T
         # The kernel multiplies three colours at a time.
         padded = np.zeros((-(-len(columns) // 3) * 3, self.shape[1]))
@@ -364,6 +367,10 @@ class Transport:
         product = self._core.multiply(np.ascontiguousarray(padded.reshape(-1, 3, self.shape[1]).swapaxes(1, 2)))
         flat = product.swapaxes(1, 2).reshape(-1, self.shape[0])[: len(columns)].T
         return np.array(flat, np.float64).reshape((self.shape[0], *np.shape(x)[1:]))
+
+    def _check_one_channel(self) -> None:
+        if self.channels != 1:
+            raise ValueError("expected a transport of one channel; take `to_scipy(channel)`, or `multiply` for colours")
 
     def rmatmat(self, y: ArrayLike) -> NDArray[np.float64]:
         """The transpose of M times y, as scipy asks it.
@@ -376,7 +383,13 @@ class Transport:
         Returns
         -------
         (columns,) or (columns, k) float64
+
+        Raises
+        ------
+        ValueError
+            If each colour has an M of its own.
         """
+        self._check_one_channel()
         stacked = np.ascontiguousarray(np.asarray(y, np.float64).reshape(self.shape[0], -1))
         return self._core.transpose_multiply(stacked).reshape((self.shape[1], *np.shape(y)[1:]))
 

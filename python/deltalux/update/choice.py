@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +14,7 @@ __all__ = ["Choice", "State"]
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """One frame as choosing sees it: where V is, where our copy of it is, and what columns are worth.
+    """One frame as choosing sees it: where V is, where our copy of it is, and what columns are worth. Read-only.
 
     Attributes
     ----------
@@ -34,6 +35,13 @@ class State:
     bands: NDArray[np.intp]
     areas: NDArray[np.float64]
     weights: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        # They are the caller's own, or the package's: looked at and not written.
+        for name in ("target", "values", "bands", "areas", "weights"):
+            view = getattr(self, name).view()
+            view.flags.writeable = False
+            object.__setattr__(self, name, view)
 
     @property
     def change(self) -> NDArray[np.float64]:
@@ -88,7 +96,7 @@ class Choice:
         ValueError
             If they are not whole numbers of 0 or more, or the columns are no list of them.
         """
-        columns, resets = np.asarray(self.columns), np.asarray(self.resets)
+        columns, resets = _numbers("columns", self.columns), _numbers("resets", self.resets)
         for name, numbers in (("columns", columns), ("resets", resets)):
             whole = numbers.size == 0 or (numbers.dtype.kind in "iu" and numbers.min() >= 0)
             if numbers.ndim != 1 or not whole or (numbers.size and numbers.max() >= 2**32):
@@ -97,3 +105,10 @@ class Choice:
                     f"shape {numbers.shape}"
                 )
         return [int(band) for band in resets], columns.astype(np.uint32)
+
+
+def _numbers(name: str, numbers: ArrayLike) -> NDArray[Any]:
+    try:
+        return np.asarray(numbers)
+    except ValueError as error:
+        raise ValueError(f"expected {name} of a choice as one list of whole numbers of 0 or more: {error}") from None

@@ -70,6 +70,8 @@ class Method:
         for name in given:
             check = count if name == "terms" else amount
             object.__setattr__(self, name, check(name, budgets[name]))
+        if not self.is_own and type(self).core is Method.core:
+            raise ValueError(f"expected a method with choose(state), but {type(self).__name__} has none")
         one_of("weight", self.weight, WEIGHTS)
         one_of("channels", self.channels, CHANNELS)
 
@@ -86,8 +88,8 @@ class Method:
     def choose(self, state: State) -> Choice:
         """What to send in one frame: to be written by a method of one's own.
 
-        It is asked in every frame but those in which everything is sent anyway. Whatever it says, a frame is exact and
-        its bound holds: only what is sent, and so how near the frame is, depends on it.
+        It is asked in every frame, but for the first where `Relighter` is told what that starts from. Whatever it says,
+        a frame is exact and its bound holds: only what is sent, and so how near the frame is, depends on it.
 
         Parameters
         ----------

@@ -74,7 +74,8 @@ impl Approximation {
     /// which as many are sent as the budget allows.
     pub fn step_given(&mut self, target: &[[f64; 3]], resets: &[usize], columns: &[u32]) -> Result<Update> {
         self.check(target)?;
-        self.follow_choice(target, resets, columns)
+        self.check_choice(resets, columns)?;
+        Ok(self.follow_choice(target, resets, columns))
     }
 
     /// `step`, for light that has been checked.
@@ -132,34 +133,33 @@ impl Approximation {
         self.send(target, choice)
     }
 
-    /// `step_given`, for light that has been checked.
+    /// `step_given`, for light and a choice that have been checked.
     pub(in crate::update) fn follow_choice(
         &mut self,
         target: &[[f64; 3]],
         resets: &[usize],
         columns: &[u32],
-    ) -> Result<Update> {
+    ) -> Update {
         let mut anew = vec![false; self.bands.count()];
-        for &band in resets {
-            let count = anew.len();
-            *anew
-                .get_mut(band)
-                .ok_or_else(|| Error::input(format!("expected bands below {count} to reset, got {band}")))? = true;
-        }
+        resets.iter().for_each(|&band| anew[band] = true);
+        let per_column = self.settings.colours.per_column() as u32;
         let mut first = vec![true; self.bands.columns()];
-        let mut order = Vec::with_capacity(columns.len());
-        for &column in columns {
-            let count = first.len();
-            let new = first
-                .get_mut(column as usize)
-                .ok_or_else(|| Error::input(format!("expected columns below {count} to send, got {column}")))?;
-            if std::mem::take(new) {
-                let per_column = self.settings.colours.per_column() as u32;
-                order.extend((0..per_column).map(|k| column * per_column + k));
-            }
-        }
+        let new = columns.iter().filter(|&&column| std::mem::take(&mut first[column as usize]));
+        let order = new.flat_map(|&column| (0..per_column).map(move |k| column * per_column + k)).collect();
         let choice = self.within_budget(target, anew, order);
-        Ok(self.send(target, choice))
+        self.send(target, choice)
+    }
+
+    /// Refuses bands and columns that are not there.
+    pub fn check_choice(&self, resets: &[usize], columns: &[u32]) -> Result<()> {
+        let (bands, count) = (self.bands.count(), self.bands.columns());
+        if let Some(band) = resets.iter().find(|&&band| band >= bands) {
+            return Err(Error::input(format!("expected bands below {bands} to reset, got {band}")));
+        }
+        match columns.iter().find(|&&column| column as usize >= count) {
+            Some(column) => Err(Error::input(format!("expected columns below {count} to send, got {column}"))),
+            None => Ok(()),
+        }
     }
 
     fn within_budget(&mut self, target: &[[f64; 3]], anew: Vec<bool>, order: Vec<u32>) -> Choice {
