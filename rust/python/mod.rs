@@ -4,6 +4,7 @@ mod arrays;
 mod harmonics;
 mod interrupt;
 mod light;
+mod pieces;
 mod receivers;
 mod relight;
 mod scene;
@@ -47,6 +48,7 @@ fn core_module(module: &Bound<'_, PyModule>) -> PyResult<()> {
     interrupt::register(module)?;
     update::register(module)?;
     receivers::register(module)?;
+    pieces::register(module)?;
     transport::register(module)?;
     writer::register(module)?;
     light::register(module)?;

@@ -12,8 +12,8 @@ use crate::scene::{Camera, Mesh, PixelSampling, Receivers as Rows};
 use crate::transport::{ReceiverKind, ReceiverTable as Table, Truncation};
 
 use super::arrays::{rows_of, to_vec, to_vec_of_rows, vectors};
+use super::pieces::TileData;
 use super::receivers::ReceiverTable;
-use super::transport::TileData;
 use super::{compute, interruptible};
 
 /// A scene's triangles, ready for rays.

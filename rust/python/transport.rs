@@ -1,86 +1,27 @@
-//! The room transport for Python: an opened M, and tiles that are passed to a writer unseen.
+//! M for Python: an opened transport, or one made in memory.
 
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use numpy::{
-    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
-    PyReadonlyArrayDyn, PyUntypedArrayMethods,
+    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArrayDyn,
+    PyUntypedArrayMethods,
 };
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
 
-use crate::basis::{ColumnSpace, HaarTree};
+use crate::basis::ColumnSpace;
 use crate::error::{Error, Result};
-use crate::transport::file::manifest::TILES_PER_SHARD;
+use crate::transport::entry::entry_bytes;
 use crate::transport::{
-    self as core, Audit, Channels, Dense, Factors, GROUP, Opened, Product, Tile, TransportMatrix, Truncation, Values,
-    Weights, Width, bf16, open, rewrite, survey_stored,
+    self as core, Audit, Channels, Dense, Factors, Opened, Product, Tile, TransportMatrix, Truncation, Values, Width,
+    bf16, open, rewrite, survey_stored,
 };
 use crate::update::{Chain, Mix};
 
-use super::arrays::to_vec;
+use super::pieces::{Link, TileData};
 use super::receivers::ReceiverTable;
 use super::{compute, interruptible};
-
-/// One tile of M: what a pass returns and `TransportWriter.write_shard` takes.
-#[pyclass(frozen, module = "deltalux._core")]
-pub(crate) struct TileData(pub(crate) Tile);
-
-#[pymethods]
-impl TileData {
-    /// Rows of the tile.
-    #[getter]
-    fn rows(&self) -> usize {
-        self.0.rows
-    }
-
-    /// Stored groups of 16 rows.
-    #[getter]
-    fn entries(&self) -> usize {
-        self.0.words.len()
-    }
-
-    /// Bytes in memory, which are those on disk.
-    #[getter]
-    fn nbytes(&self) -> usize {
-        self.0.nbytes()
-    }
-}
-
-/// What leads from the first stage of a product to the second, or to the receivers.
-#[pyclass(frozen, module = "deltalux._core")]
-pub(super) struct Link(pub(super) core::Link);
-
-#[pymethods]
-impl Link {
-    /// Receivers take from nodes: starts (rows + 1,) and nodes (n,) uint32, weights (n,) uint16 times 2^exponent.
-    #[staticmethod]
-    #[pyo3(signature = (starts, nodes, weights, *, exponent, node_count))]
-    fn weights(
-        starts: PyReadonlyArray1<'_, u32>,
-        nodes: PyReadonlyArray1<'_, u32>,
-        weights: PyReadonlyArray1<'_, u16>,
-        exponent: i32,
-        node_count: usize,
-    ) -> PyResult<Self> {
-        let weights =
-            Weights::new(to_vec(&starts).into(), to_vec(&nodes).into(), to_vec(&weights).into(), exponent, node_count)?;
-        Ok(Link(core::Link::Weights(Arc::new(weights))))
-    }
-
-    /// Haar wavelets over a tree of samples with these areas, (samples,) float64.
-    #[staticmethod]
-    fn tree(areas: PyReadonlyArray1<'_, f64>) -> PyResult<Self> {
-        Ok(Link(core::Link::Tree(Arc::new(HaarTree::new(to_vec(&areas))?))))
-    }
-
-    /// Rows of each first matrix are the columns of its second.
-    #[staticmethod]
-    fn representatives() -> Self {
-        Link(core::Link::Representatives)
-    }
-}
 
 /// A light transport matrix M, opened from a directory or made in memory.
 #[pyclass(frozen, module = "deltalux._core")]
@@ -507,25 +448,8 @@ fn audit_matrix(matrix: &TransportMatrix, audit: &Audit) -> TransportMatrix {
     }
 }
 
-/// Bytes of an entry: its word, and the integers of 16 rows.
-fn entry_bytes(width: Width, channels: Channels) -> usize {
-    2 + GROUP * channels.count() * if width == Width::I8 { 1 } else { 2 }
-}
-
-/// Bytes of an entry with integers "i8" or "i16" in one or three channels.
-#[pyfunction(name = "entry_bytes")]
-fn entry_bytes_of(width: &str, channels: usize) -> PyResult<usize> {
-    Ok(entry_bytes(width.parse()?, Channels::from_count(channels)?))
-}
-
 /// Adds what this file has for Python to the module.
 pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    module.add_class::<TileData>()?;
-    module.add_class::<Link>()?;
     module.add_class::<Transport>()?;
-    module.add_function(wrap_pyfunction!(entry_bytes_of, module)?)?;
-    // Numbers of the format, for those who plan: rows of a group, and tiles of a file.
-    module.add("GROUP", GROUP)?;
-    module.add("TILES_PER_SHARD", TILES_PER_SHARD)?;
     Ok(())
 }

@@ -10,8 +10,8 @@ use crate::error::{Error, Result};
 use crate::transport::{self as core, Audit, Channels, Description, Part, Tile, Writer};
 
 use super::arrays::to_vec;
+use super::pieces::{Link, TileData};
 use super::receivers::ReceiverTable;
-use super::transport::{Link, TileData};
 use super::{compute, compute_on, look_at};
 
 /// Name, columns, rows, channels, quantum, width and rows of a tile of a part.

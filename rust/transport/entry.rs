@@ -97,6 +97,11 @@ impl FromStr for Width {
     }
 }
 
+/// Bytes of an entry: its word, and the integers of 16 rows.
+pub fn entry_bytes(width: Width, channels: Channels) -> usize {
+    2 + GROUP * channels.count() * if width == Width::I8 { 1 } else { 2 }
+}
+
 /// Bits of the magnitude of a stored integer.
 pub fn integer_bits(width: Width) -> i32 {
     match width {

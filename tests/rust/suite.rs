@@ -32,7 +32,7 @@ type Oracle = Box<dyn Fn(&[[f64; 3]]) -> Vec<[f64; 3]>>;
 type Make = fn(ColumnSpace) -> Form;
 
 /// The one list that a new form joins.
-const FORMS: [(&str, Make); 8] = [
+const FORMS: &[(&str, Make)] = &[
     ("i8", |space| one(matrix(space, ROWS, Channels::One, 1, Width::I8))),
     ("i16", |space| one(matrix(space, ROWS, Channels::One, 2, Width::I16))),
     ("truncated", |space| {

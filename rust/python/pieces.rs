@@ -1,0 +1,89 @@
+//! What transports are made of, passed through Python unseen: tiles and links; and the numbers of the format.
+
+use std::sync::Arc;
+
+use numpy::PyReadonlyArray1;
+use pyo3::prelude::*;
+
+use crate::basis::HaarTree;
+use crate::transport::entry::entry_bytes;
+use crate::transport::file::manifest::TILES_PER_SHARD;
+use crate::transport::{self as core, Channels, GROUP, Tile, Weights};
+
+use super::arrays::to_vec;
+
+/// One tile of M: what a pass returns and `TransportWriter.write_shard` takes.
+#[pyclass(frozen, module = "deltalux._core")]
+pub(crate) struct TileData(pub(crate) Tile);
+
+#[pymethods]
+impl TileData {
+    /// Rows of the tile.
+    #[getter]
+    fn rows(&self) -> usize {
+        self.0.rows
+    }
+
+    /// Stored groups of 16 rows.
+    #[getter]
+    fn entries(&self) -> usize {
+        self.0.words.len()
+    }
+
+    /// Bytes in memory, which are those on disk.
+    #[getter]
+    fn nbytes(&self) -> usize {
+        self.0.nbytes()
+    }
+}
+
+/// What leads from the first stage of a product to the second, or to the receivers.
+#[pyclass(frozen, module = "deltalux._core")]
+pub(super) struct Link(pub(super) core::Link);
+
+#[pymethods]
+impl Link {
+    /// Receivers take from nodes: starts (rows + 1,) and nodes (n,) uint32, weights (n,) uint16 times 2^exponent.
+    #[staticmethod]
+    #[pyo3(signature = (starts, nodes, weights, *, exponent, node_count))]
+    fn weights(
+        starts: PyReadonlyArray1<'_, u32>,
+        nodes: PyReadonlyArray1<'_, u32>,
+        weights: PyReadonlyArray1<'_, u16>,
+        exponent: i32,
+        node_count: usize,
+    ) -> PyResult<Self> {
+        let weights =
+            Weights::new(to_vec(&starts).into(), to_vec(&nodes).into(), to_vec(&weights).into(), exponent, node_count)?;
+        Ok(Link(core::Link::Weights(Arc::new(weights))))
+    }
+
+    /// Haar wavelets over a tree of samples with these areas, (samples,) float64.
+    #[staticmethod]
+    fn tree(areas: PyReadonlyArray1<'_, f64>) -> PyResult<Self> {
+        Ok(Link(core::Link::Tree(Arc::new(HaarTree::new(to_vec(&areas))?))))
+    }
+
+    /// Rows of each first matrix are the columns of its second.
+    #[staticmethod]
+    fn representatives() -> Self {
+        Link(core::Link::Representatives)
+    }
+}
+
+/// Bytes of an entry with integers "i8" or "i16" in one or three channels.
+#[pyfunction(name = "entry_bytes")]
+fn entry_bytes_of(width: &str, channels: usize) -> PyResult<usize> {
+    Ok(entry_bytes(width.parse()?, Channels::from_count(channels)?))
+}
+
+/// Adds what this file has for Python to the module.
+pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<TileData>()?;
+    module.add_class::<Link>()?;
+    module.add_function(wrap_pyfunction!(entry_bytes_of, module)?)?;
+    // Numbers of the format, for those who plan: rows of a group, and tiles of a file.
+    module.add("GROUP", GROUP)?;
+    module.add("TILES_PER_SHARD", TILES_PER_SHARD)?;
+    Ok(())
+}
