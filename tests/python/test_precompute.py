@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import signal
@@ -352,3 +353,29 @@ def test_progress_bar_is_quiet_for_short_work(tmp_path, capsys):
     dl.precompute(small(), tmp_path / "a.transport", columns="haar:2", quality="preview")
     output = capsys.readouterr()
     assert output.out == "" and output.err == ""
+
+
+def test_a_plan_of_a_stranger_is_read_or_refused():
+    plan = dl.plan(room(), columns="haar:4").done([])
+    found = json.loads(plan.to_json())
+    assert dl.Plan.from_json(json.dumps({**found, "mood": "good"})) == plan
+    harmed = [
+        {**found, "triangles": -1},
+        {**found, "triangles": True},
+        {**found, "tolerance": 2},
+        {**found, "scene": 5},
+        {**found, "picture": [8]},
+        {**found, "parts": []},
+        {**found, "parts": [{**found["parts"][0], "rows": "many"}]},
+        {**found, "left_out": [{"what": "everything"}]},
+        {**found, "notes": [1]},
+        {},
+        [],
+        None,
+    ]
+    for wrong in harmed:
+        with pytest.raises(ValueError, match="expected"):
+            dl.Plan.from_json(json.dumps(wrong))
+    for text in ("", "{", "[" * 100_000, '{"parts": 1e999}'):
+        with pytest.raises(ValueError):
+            dl.Plan.from_json(text)

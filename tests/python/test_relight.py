@@ -11,7 +11,8 @@ import warnings
 import deltalux as dl
 import numpy as np
 import pytest
-from forms import BUDGET, FORMS, METHODS, NEVER_CONVERGE, SPACES, STOP_SHORT, TIMED, build
+from deltalux.light.motion import Motion
+from forms import BUDGET, FORMS, METHODS, NEVER_CONVERGE, SPACES, STOP_SHORT, TIMED, Loudest, build
 
 PAIRS = [(form, space) for form in FORMS for space in SPACES]
 
@@ -435,3 +436,22 @@ def test_a_forked_child_multiplies(cornell):
     os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
     pytest.fail("the child hangs")
+
+
+def test_methods_side_by_side(cornell):
+    env, motion = dl.Environment.builtin("hall"), Motion(rotate=20, frames=6, hold=2)
+    methods = [dl.Full(), dl.PerBand(terms=30), Loudest(terms=30), Loudest(terms=30)]
+    exact, *rows = dl.compare(cornell, env, methods, motion=motion)
+    assert [row.method for row in rows] == ["PerBand(terms=30)", "Loudest(terms=30)", "Loudest(terms=30)"]
+    assert exact.image_l2 == exact.light_l1 == 0 and exact.within_bound
+    for row in rows:
+        assert 0 < row.image_l2 < 1 and 0 < row.light_l1 < 1 and row.within_bound
+        assert 0 < row.columns <= 30 and 0 < row.milliseconds <= row.p95_milliseconds and row.state_bytes > 0
+        assert 0 < row.streamed_bytes < exact.streamed_bytes
+    # What they choose is settled by the light.
+    assert rows[1].image_l2 == rows[2].image_l2
+    for wrong in ([], dl.PerBand(terms=30), ["pbi"]):
+        with pytest.raises(ValueError, match="update method"):
+            dl.compare(cornell, env, wrong, motion=motion)
+    with pytest.raises(ValueError, match="expected an Environment"):
+        dl.compare(cornell, cornell.coefficients(env), methods, motion=motion)
