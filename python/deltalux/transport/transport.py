@@ -236,7 +236,7 @@ class Transport:
             If the transport has several parts.
         """
         if not 0 <= i < self.shape[0]:
-            raise IndexError(f"expected a row from 0 to {self.shape[0] - 1}, got {i}")
+            raise IndexError(f"expected a row of 0 or more and below {self.shape[0]}, got {i}")
         row = self._core.row(i)
         return row[:, 0] if row.shape[1] == 1 else row
 
