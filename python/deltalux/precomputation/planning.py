@@ -75,14 +75,15 @@ def make_plan(prepared: Prepared) -> Plan:
 def _probe(prepared: Prepared) -> _Probe:
     """Surveys a few bundles for a threshold, and then makes bundles as the pass will, for most of a second."""
     width = prepared.settings.width
-    looked = min(_LOOKED, prepared.bundles)
+    # Of a small scene less: what is looked at here is traced once more.
+    looked = max(1, min(_LOOKED, prepared.bundles // 32))
     started = prepared.clock()
     threshold, _, entries, _, _, rays, unhit = prepared.direct.survey(
         looked, tolerance=prepared.settings.tolerance, quantum=QUANTUM, width=width
     )
     surveyed = prepared.clock() - started
     # Where all is done in a moment, a probe would take longer than the work.
-    seconds = min(_PROBE, max(0.05 * surveyed / looked * prepared.bundles, 0.02))
+    seconds = min(_PROBE, max(0.015 * surveyed / looked * prepared.bundles, 0.005))
     bundles, took, first, edge = prepared.direct.probe(seconds, threshold=threshold, quantum=QUANTUM, width=width)
     texels = 6 * prepared.columns.face**2
     return _Probe(
