@@ -28,7 +28,7 @@ pub struct Chain {
     pub span: Span,
     /// Of the second stage's.
     pub then_span: Span,
-    /// The norm of the second stage's V is at most this times that of the first's.
+    /// The norm of the second stage's V is at most this times that of the first's; 0 where there is one stage.
     gain: f64,
 }
 
@@ -36,14 +36,11 @@ impl Chain {
     /// Looks once through the norms of all rows, in parallel.
     pub fn new(product: Product) -> Self {
         let span = |factors: &Factors| factors.iter().map(|matrix| Span::of(matrix)).max().unwrap_or(Span(0));
-        let gain = product.first.iter().map(|matrix| gain(matrix, &product.link)).fold(0.0, f64::max);
-        let joins = product.then.as_ref().is_some_and(|then| then.space() == product.first.space());
-        Chain {
-            span: span(&product.first),
-            then_span: product.then.as_ref().map_or(Span(0), span),
-            gain: gain + f64::from(u8::from(joins)),
-            product,
-        }
+        let gain = product.then.as_ref().map_or(0.0, |then| {
+            let joins = f64::from(u8::from(then.space() == product.first.space()));
+            product.first.iter().map(|matrix| gain(matrix, &product.link)).fold(0.0, f64::max) + joins
+        });
+        Chain { span: span(&product.first), then_span: product.then.as_ref().map_or(Span(0), span), gain, product }
     }
 
     /// B for each of `lights` (columns x 3 each), one after the other into `out` (lights x rows x 3).
@@ -81,9 +78,10 @@ impl Chain {
                     }
                     _ => respond(then, &grid.quantise_all(&self.second_light(&first[0], 0, &v)))?,
                 };
-                self.finish(&second.iter().collect::<Vec<_>>(), mix, out)
+                self.finish(&second.iter().collect::<Vec<_>>(), mix, out);
             }
         }
+        Ok(())
     }
 
     /// The grid of the second stage for what is applied to the first.
@@ -127,7 +125,7 @@ impl Chain {
     }
 
     /// From the responses of the last stage to B: mixed, or with what nodes add.
-    pub fn finish(&self, responses: &[&Response], mix: Option<&Mix>, out: &mut [f32]) -> Result<()> {
+    pub fn finish(&self, responses: &[&Response], mix: Option<&Mix>, out: &mut [f32]) {
         let matrix = self.product.outputs().first();
         match (&self.product.link, mix) {
             (Link::Weights(weights), _) => {
@@ -137,7 +135,6 @@ impl Chain {
             (_, Some(mix)) => mix.write(matrix, responses, out),
             (_, None) => write(matrix, responses[0], out),
         }
-        Ok(())
     }
 
     /// For each band of the first stage a factor: B is off by no more than the sum over bands of factor * |what is unsent

@@ -109,7 +109,7 @@ impl Updater {
             self.first.set_budget(Budget::Error { tolerance: *tolerance, factors })?;
         }
         self.mix = Some(mix);
-        self.write(out)?;
+        self.write(out);
         Ok(self.shown(Update::default(), 0.0, started.elapsed().as_secs_f64()))
     }
 
@@ -163,7 +163,7 @@ impl Updater {
             self.follow(if whole { &Chosen::Whole } else { &Chosen::Own })?;
         }
         if !alone {
-            self.write(out)?;
+            self.write(out);
         }
         let multiplying = started.elapsed().as_secs_f64() - choosing;
 
@@ -213,9 +213,9 @@ impl Updater {
     }
 
     /// Writes B from what has been applied.
-    fn write(&self, out: &mut [f32]) -> Result<()> {
+    fn write(&self, out: &mut [f32]) {
         let responses: Vec<_> = self.outputs().iter().map(|output| output.response).collect();
-        self.chain.finish(&responses, self.mix.as_ref(), out)
+        self.chain.finish(&responses, self.mix.as_ref(), out);
     }
 
     /// What each output counts for, at most, in a receiver's B.
