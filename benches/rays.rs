@@ -1,5 +1,4 @@
-//! Occlusion rays of the precomputation: 64 receivers and 64 directions at a time, one direction at a time, one ray at a
-//! time, and without AVX2. A wavy ground under a field of needles; `benches/peers_rays.py` holds real scenes against Embree.
+//! Occlusion rays of the precomputation: in fans of 64 directions, as segments, one ray at a time, and without AVX2. A wavy ground under a field of needles; `benches/peers_rays.py` holds real scenes against Embree.
 
 // Of this only the random numbers: the transports are for the other benchmarks.
 #[allow(dead_code)]
@@ -8,14 +7,14 @@ mod common;
 use std::hint::black_box;
 
 use _core::scene::Mesh;
-use _core::scene::rays::{BUNDLE, Bundle, LIFT, Tracer, Walk, beam};
+use _core::scene::rays::{Apex, FAN, Fan, LIFT, Octant, Tracer, Walk, walk};
 use common::Random;
 use criterion::{Criterion, Throughput};
 
 /// Squares along a side of the ground, and needles on it.
 const GROUND: usize = 128;
 const NEEDLES: usize = 20_000;
-const BUNDLES: usize = 64;
+const POINTS: usize = 4096;
 
 fn ground(x: f64, z: f64) -> f64 {
     0.02 * ((9.0 * x).sin() + (7.0 * z).cos())
@@ -42,71 +41,73 @@ fn scene(random: &mut Random) -> Mesh {
     Mesh::new(&vertices, &triangles).expect("a valid scene")
 }
 
-/// 8 x 8 receivers on the ground, a pixel apart.
-fn bundle(mesh: &Mesh, random: &mut Random) -> (Bundle, Vec<[f32; 3]>) {
+/// A receiver on the ground.
+fn apex(mesh: &Mesh, random: &mut Random) -> Apex {
     let (x, z) = (1.6 * random.unit() - 0.8, 1.6 * random.unit() - 0.8);
-    let origin = |ray: usize| {
-        let (x, z) = (x + 0.003 * (ray % 8) as f64, z + 0.003 * (ray / 8) as f64);
-        mesh.normalised([x, ground(x, z) + 0.001 + LIFT / mesh.scale, z])
-    };
-    let origins: Vec<[f32; 3]> = (0..BUNDLE).map(origin).collect();
-    (Bundle::new(&origins, &[[0.0, 1.0, 0.0]; BUNDLE]), origins)
+    let origin = mesh.normalised([x, ground(x, z) + 0.001 + LIFT / mesh.scale, z]);
+    Apex { origin, normal: [0.0, 1.0, 0.0] }
 }
 
 /// 8 x 8 neighbouring texels of a 6 x 64 x 64 cubemap, above the horizon.
 fn block(random: &mut Random) -> Vec<[f32; 3]> {
-    let (s, t) = (1.75 * random.unit() - 1.0, 1.75 * random.unit() - 1.0);
+    let (s, t) = (0.75 * random.unit(), 0.75 * random.unit());
     let texel = |k: usize| {
         let d = [s + (k % 8) as f64 / 32.0, 1.0, t + (k / 8) as f64 / 32.0];
         let length = d.iter().map(|x| x * x).sum::<f64>().sqrt();
         d.map(|x| (x / length) as f32)
     };
-    (0..64).map(texel).collect()
+    (0..FAN).map(texel).collect()
+}
+
+/// A fan of them, each ray ending `far` up its axis.
+fn fan(directions: &[[f32; 3]], far: f32) -> Fan {
+    let octant = Octant::of(directions[0]);
+    let mut fan = Fan::new(octant);
+    directions.iter().for_each(|&direction| fan.push_segment(octant.slopes(direction), far));
+    fan
 }
 
 fn main() {
     let mut random = Random(5);
     let mesh = scene(&mut random);
     let tracer = Tracer::new(&mesh);
-    let work: Vec<_> = (0..BUNDLES).map(|_| (bundle(&mesh, &mut random), block(&mut random))).collect();
-    let active = [u64::MAX; 64];
-    let (mut room, mut blocked) = (Walk::default(), [0u64; 64]);
+    let work: Vec<_> = (0..POINTS)
+        .map(|_| {
+            let directions = block(&mut random);
+            (apex(&mesh, &mut random), fan(&directions, f32::INFINITY), fan(&directions, 0.5), directions)
+        })
+        .collect();
+    let mut room = Walk::default();
 
     let mut criterion = Criterion::default().configure_from_args();
     let mut group = criterion.benchmark_group("rays");
-    group.sample_size(10).throughput(Throughput::Elements((BUNDLES * BUNDLE * 64) as u64));
-    group.bench_function("blocks of directions", |bencher| {
+    group.sample_size(10).throughput(Throughput::Elements((POINTS * FAN) as u64));
+    group.bench_function("fans", |bencher| {
         bencher.iter(|| {
-            for ((bundle, _), directions) in &work {
-                tracer.blocked_each(bundle, directions, &active, &mut room, &mut blocked);
-                black_box(&blocked);
-            }
+            work.iter().for_each(|(from, fan, ..)| {
+                black_box(tracer.blocked(from, fan, fan.all(), &mut room));
+            })
         });
     });
-    group.bench_function("blocks of directions, portable", |bencher| {
+    group.bench_function("fans of segments", |bencher| {
         bencher.iter(|| {
-            for ((bundle, _), directions) in &work {
-                beam::blocked_portable(tracer.wide(), bundle, directions, &active, &mut room, &mut blocked);
-                black_box(&blocked);
-            }
+            work.iter().for_each(|(from, _, fan, _)| {
+                black_box(tracer.blocked(from, fan, fan.all(), &mut room));
+            })
         });
     });
-    group.bench_function("one direction", |bencher| {
+    group.bench_function("fans, portable", |bencher| {
         bencher.iter(|| {
-            for ((bundle, _), directions) in &work {
-                for &direction in directions {
-                    black_box(tracer.blocked(bundle, direction, u64::MAX, &mut room));
-                }
-            }
+            work.iter().for_each(|(from, fan, ..)| {
+                black_box(walk::blocked_portable(tracer.wide(), from, fan, fan.all(), &mut room));
+            })
         });
     });
     group.bench_function("one ray", |bencher| {
         bencher.iter(|| {
-            for ((_, origins), directions) in &work {
+            for (from, .., directions) in &work {
                 for &direction in directions {
-                    for &origin in origins {
-                        black_box(tracer.occluded(origin, direction));
-                    }
+                    black_box(tracer.occluded(from.origin, direction));
                 }
             }
         });

@@ -5,8 +5,8 @@
 //!     B(x) = 1/pi Int L V cos dw = sum_p L_p sqrt(dw_p) * T_p        (Overbeck 2006, eq. 3.1; the albedo stays outside)
 //! ```
 //!
-//! 64 neighbouring receivers go together: every direction is one beam for all of them, and what they see is one bit each
-//! (`visibility.rs`).
+//! A receiver looks at a block of texels with one fan of rays. 64 neighbouring receivers go together, and what they see of
+//! a texel is one bit each (`visibility.rs`).
 
 use std::ops::Range;
 use std::sync::Arc;

@@ -1,6 +1,7 @@
 //! The directions of a cubemap that a pass shoots: texel centres, neighbours, and samples inside a texel.
 
 use crate::basis::cubemap::{direction_to_face_uv, face_point, texel_centre, texel_of};
+use crate::scene::rays::{Fan, Octant};
 
 /// Every texel of the six faces, row-major, face after face.
 pub(super) struct Texels {
@@ -9,10 +10,29 @@ pub(super) struct Texels {
     /// Unit direction of the centre.
     pub centre: Vec<[f32; 3]>,
     /// Texels by blocks of at most 8 x 8 neighbours: directions that are traced together.
-    pub blocks: Vec<Vec<u32>>,
+    pub blocks: Vec<Block>,
     /// The eight texels around, over the borders of faces too. Four would miss what is thin and slanted: leaves and the
     /// gaps between them (0.4 % of a plant's light, against a path tracer).
     pub neighbours: Vec<[u32; 8]>,
+}
+
+/// Neighbouring texels whose centres, and whatever else lies in them, make narrow fans.
+pub(super) struct Block {
+    /// Their numbers, along a Morton curve: any run of them lies close together.
+    pub texels: Vec<u32>,
+    /// Where all their directions lie.
+    pub octant: Octant,
+    /// The rays to their centres, in the same order.
+    pub centres: Fan,
+}
+
+/// A direction inside a texel.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Sample {
+    /// Of length 1.
+    pub direction: [f32; 3],
+    /// As its block's fans take it.
+    pub slopes: [f32; 2],
 }
 
 fn unit(point: [f64; 3]) -> [f32; 3] {
@@ -27,7 +47,7 @@ impl Texels {
         let mut texels = Texels {
             size,
             centre: Vec::with_capacity(count),
-            blocks: blocks(size),
+            blocks: Vec::new(),
             neighbours: Vec::with_capacity(count),
         };
         for texel in 0..count {
@@ -43,7 +63,19 @@ impl Texels {
                 (face * size * size + texel_of(size, t) * size + texel_of(size, s)) as u32
             }));
         }
+        texels.blocks = blocks(size).into_iter().map(|block| texels.block(block)).collect();
         texels
+    }
+
+    fn block(&self, texels: Vec<u32>) -> Block {
+        let octant = Octant::of(self.centre[texels[0] as usize]);
+        let mut centres = Fan::new(octant);
+        for &texel in &texels {
+            let (face, row, column) = self.place(texel as usize);
+            let point = face_point(face, texel_centre(self.size, column), texel_centre(self.size, row));
+            centres.push(octant.slopes(point.map(|x| x as f32)));
+        }
+        Block { texels, octant, centres }
     }
 
     /// Texels, over all six faces.
@@ -56,27 +88,37 @@ impl Texels {
         (texel / (self.size * self.size), in_face / self.size, in_face % self.size)
     }
 
-    /// Direction `k` of `side` x `side` stratified samples of a texel, jittered by a hash of its number: all receivers
-    /// share it, so that rays stay parallel.
-    pub fn sample(&self, texel: usize, side: usize, k: usize) -> [f32; 3] {
+    /// Sample `k` of `side` x `side` stratified ones of a texel, jittered by a hash of its number: all receivers share it.
+    /// `octant` is that of the texel's block.
+    pub fn sample(&self, texel: usize, octant: &Octant, side: usize, k: usize) -> Sample {
         let (face, row, column) = self.place(texel);
         let [x, y] = jitter((texel * side * side + k) as u64);
         let (sub_column, sub_row) = ((k % side) as f64 + x, (k / side) as f64 + y);
         let coordinate = |whole: usize, part: f64| (2.0 * (whole as f64 + part / side as f64)) / self.size as f64 - 1.0;
-        unit(face_point(face, coordinate(column, sub_column), coordinate(row, sub_row)))
+        let point = face_point(face, coordinate(column, sub_column), coordinate(row, sub_row));
+        Sample { direction: unit(point), slopes: octant.slopes(point.map(|x| x as f32)) }
     }
 }
 
+/// Blocks of at most 8 x 8 texels, none of them over the middle of a face, where slopes change their sign.
 fn blocks(size: usize) -> Vec<Vec<u32>> {
-    let side = size.min(8);
+    let side = (size / 2).clamp(1, 8);
     let per_face = size / side;
     let block = |number: usize| {
         let (face, row, column) =
             (number / (per_face * per_face), number / per_face % per_face * side, number % per_face * side);
-        let texel = |k: usize| face * size * size + (row + k / side) * size + column + k % side;
-        (0..side * side).map(|k| texel(k) as u32).collect()
+        let texel = |k: usize| {
+            let [x, y] = along_curve(k);
+            (face * size * size + (row + y) * size + column + x) as u32
+        };
+        (0..side * side).map(texel).collect()
     };
     (0..6 * per_face * per_face).map(block).collect()
+}
+
+/// The k-th point of a Morton curve over 8 x 8.
+fn along_curve(k: usize) -> [usize; 2] {
+    [0, 1].map(|axis| (0..3).fold(0, |at, bit| at | (k >> (2 * bit + axis) & 1) << bit))
 }
 
 /// Two numbers in [0, 1) that depend on nothing but the index (SplitMix64).

@@ -7,12 +7,12 @@ use std::sync::Arc;
 
 use crate::error::{Error, Result};
 use crate::scene::Receivers;
-use crate::scene::rays::{BUNDLE, Bundle, Tracer, Walk};
+use crate::scene::rays::{Apex, FAN, Fan, Tracer, Walk};
 
 use super::pass::{BUNDLE_ROWS, Rays};
-use super::texels::Texels;
+use super::texels::{Block, Sample, Texels};
 
-const _: () = assert!(BUNDLE == BUNDLE_ROWS);
+const _: () = assert!(BUNDLE_ROWS == FAN);
 
 /// Most samples along a side of an edge texel.
 const MAX_EDGE_SIDE: usize = 16;
@@ -24,7 +24,7 @@ pub(super) struct EdgeTexel {
     /// The receivers that see it and a neighbour differently, one bit each.
     pub rows: u64,
     /// For those receivers; 0 for the others.
-    pub mean: [f32; BUNDLE],
+    pub mean: [f32; BUNDLE_ROWS],
 }
 
 /// What a bundle of 64 receivers sees.
@@ -38,7 +38,7 @@ pub(super) struct View {
 }
 
 /// Normals of a bundle, one component a list, so that a cosine is taken for all receivers at once.
-pub(super) struct Normals([[f32; BUNDLE]; 3]);
+pub(super) struct Normals([[f32; BUNDLE_ROWS]; 3]);
 
 impl Normals {
     /// From at most 64 unit normals.
@@ -57,45 +57,41 @@ impl Normals {
 
     /// Receivers that have a direction above their horizon.
     fn above(&self, direction: [f32; 3]) -> u64 {
-        let mut cosines = [0.0; BUNDLE];
+        let mut cosines = [0.0; BUNDLE_ROWS];
         self.cosines(direction, 0, &mut cosines);
         cosines.iter().enumerate().fold(0, |bits, (ray, &cosine)| bits | ((cosine > 0.0) as u64) << ray)
     }
 }
 
-/// Neighbouring directions that are traced together, and the answers.
-#[derive(Default)]
-struct Beams {
-    directions: Vec<[f32; 3]>,
-    active: Vec<u64>,
-    blocked: Vec<u64>,
+/// Rows and columns of bits change places: bit j of word i goes to bit i of word j (Warren, Hacker's Delight 7.3).
+fn transpose(bits: &mut [u64; 64]) {
+    let (mut width, mut mask) = (32, 0xffff_ffffu64);
+    while width > 0 {
+        for k in (0..64).filter(|k| k & width == 0) {
+            let swap = (bits[k] >> width ^ bits[k + width]) & mask;
+            bits[k] ^= swap << width;
+            bits[k + width] ^= swap;
+        }
+        width /= 2;
+        mask ^= mask << width;
+    }
 }
 
-impl Beams {
-    fn clear(&mut self) {
-        self.directions.clear();
-        self.active.clear();
-    }
-
-    fn push(&mut self, direction: [f32; 3], active: u64) {
-        self.directions.push(direction);
-        self.active.push(active);
-    }
-
-    /// Returns how many rays that were.
-    fn trace(&mut self, tracer: &Tracer, bundle: &Bundle, walk: &mut Walk) -> u64 {
-        self.blocked.clear();
-        self.blocked.resize(self.directions.len(), 0);
-        tracer.blocked_each(bundle, &self.directions, &self.active, walk, &mut self.blocked);
-        self.active.iter().map(|active| u64::from(active.count_ones())).sum()
-    }
+/// Rays of one receiver into texels that an edge runs through, until a fan is full.
+#[derive(Default)]
+struct Pending {
+    fan: Fan,
+    /// For each ray the place of its texel among the view's edges, and what it adds to the mean if it is open.
+    parts: Vec<(usize, f32)>,
 }
 
 /// Room for looking, kept by each thread.
 #[derive(Default)]
 pub(super) struct Looking {
     walk: Walk,
-    beams: Beams,
+    pending: Pending,
+    /// Of a block: the samples of each of its edge texels, one after the other.
+    samples: Vec<Sample>,
 }
 
 /// Looks at the sky from the receivers of a scene.
@@ -121,29 +117,39 @@ impl Visibility {
     /// Shoots the rays of one bundle.
     pub(super) fn view(&self, rows: Range<usize>, room: &mut Looking) -> View {
         let normals = Normals::new(&self.receivers.normal[rows.clone()]);
-        let bundle = Bundle::new(&self.receivers.origin[rows.clone()], &self.receivers.normal[rows]);
+        let apex = |row: usize| Apex { origin: self.receivers.origin[row], normal: self.receivers.normal[row] };
+        let apexes: Vec<Apex> = rows.map(apex).collect();
         let count = self.texels.len();
         let mut view = View { open: vec![0; count], edges: Vec::new(), rays: Rays::default() };
         let above: Vec<u64> = self.texels.centre.iter().map(|&direction| normals.above(direction)).collect();
-        room.walk.begin();
         for block in &self.texels.blocks {
-            room.beams.clear();
-            for &texel in block {
-                room.beams.push(self.texels.centre[texel as usize], above[texel as usize]);
-            }
-            view.rays.first += room.beams.trace(&self.tracer, &bundle, &mut room.walk);
-            for (&texel, &blocked) in block.iter().zip(&room.beams.blocked) {
-                view.open[texel as usize] = above[texel as usize] & !blocked;
-                view.rays.open += u64::from(view.open[texel as usize].count_ones());
-            }
+            self.centres(block, &apexes, &above, room, &mut view);
         }
         if self.edge_side > 0 {
             for block in &self.texels.blocks {
-                self.edges(block, &above, &bundle, &normals, room, &mut view);
+                self.edges(block, &apexes, &above, room, &mut view);
             }
         }
         view.edges.sort_unstable_by_key(|edge| edge.texel);
         view
+    }
+
+    /// The rays to the centres of a block's texels, one fan a receiver.
+    fn centres(&self, block: &Block, apexes: &[Apex], above: &[u64], room: &mut Looking, view: &mut View) {
+        let mut bits = [0; 64];
+        for (bits, &texel) in bits.iter_mut().zip(&block.texels) {
+            *bits = above[texel as usize];
+        }
+        transpose(&mut bits);
+        for (bits, apex) in bits.iter_mut().zip(apexes) {
+            view.rays.first += u64::from(bits.count_ones());
+            *bits &= !self.tracer.blocked(apex, &block.centres, *bits, &mut room.walk);
+            view.rays.open += u64::from(bits.count_ones());
+        }
+        transpose(&mut bits);
+        for (bits, &texel) in bits.iter().zip(&block.texels) {
+            view.open[texel as usize] = *bits;
+        }
     }
 
     /// Receivers that see this texel and a neighbour above the horizon differently.
@@ -154,37 +160,61 @@ impl Visibility {
         })
     }
 
-    /// Measures the texels of a block that an edge runs through, all their samples in one go.
-    fn edges(
-        &self,
-        block: &[u32],
-        above: &[u64],
-        bundle: &Bundle,
-        normals: &Normals,
-        room: &mut Looking,
-        view: &mut View,
-    ) {
+    /// Measures the texels of a block that an edge runs through: for each receiver, the samples of all its edge texels,
+    /// as many fans as that takes.
+    fn edges(&self, block: &Block, apexes: &[Apex], above: &[u64], room: &mut Looking, view: &mut View) {
+        let Looking { walk, pending, samples: inside } = room;
         let samples = self.edge_side * self.edge_side;
         let first = view.edges.len();
-        room.beams.clear();
-        for &texel in block {
+        let mut bits = [0; 64];
+        inside.clear();
+        for &texel in &block.texels {
             let rows = self.unlike_a_neighbour(texel as usize, above, &view.open);
             if rows != 0 {
-                view.edges.push(EdgeTexel { texel, rows, mean: [0.0; BUNDLE] });
-                for k in 0..samples {
-                    let direction = self.texels.sample(texel as usize, self.edge_side, k);
-                    room.beams.push(direction, rows & normals.above(direction));
+                bits[view.edges.len() - first] = rows;
+                view.edges.push(EdgeTexel { texel, rows, mean: [0.0; BUNDLE_ROWS] });
+                let sample = |k| self.texels.sample(texel as usize, &block.octant, self.edge_side, k);
+                inside.extend((0..samples).map(sample));
+            }
+        }
+        if view.edges.len() == first {
+            return;
+        }
+        transpose(&mut bits);
+        pending.fan.restart(block.octant);
+        for (receiver, (&texels, apex)) in bits.iter().zip(apexes).enumerate() {
+            let [x, y, z] = apex.normal;
+            let mut left = texels;
+            while left != 0 {
+                let edge = left.trailing_zeros() as usize;
+                left &= left - 1;
+                for sample in &inside[edge * samples..(edge + 1) * samples] {
+                    let [dx, dy, dz] = sample.direction;
+                    let cosine = x * dx + y * dy + z * dz;
+                    if cosine > 0.0 {
+                        pending.fan.push(sample.slopes);
+                        pending.parts.push((first + edge, cosine / samples as f32));
+                        if pending.fan.is_full() {
+                            self.flush(apex, receiver, pending, walk, view);
+                        }
+                    }
                 }
             }
+            self.flush(apex, receiver, pending, walk, view);
         }
-        view.rays.edge += room.beams.trace(&self.tracer, bundle, &mut room.walk);
-        let mut cosines = [0.0f32; BUNDLE];
-        for (beam, &direction) in room.beams.directions.iter().enumerate() {
-            let open = room.beams.active[beam] & !room.beams.blocked[beam];
-            normals.cosines(direction, 0, &mut cosines);
-            for (ray, sum) in view.edges[first + beam / samples].mean.iter_mut().enumerate() {
-                *sum += if open >> ray & 1 == 1 { cosines[ray] / samples as f32 } else { 0.0 };
-            }
+    }
+
+    /// Traces what is pending and adds what is open to its texels.
+    fn flush(&self, apex: &Apex, receiver: usize, pending: &mut Pending, walk: &mut Walk, view: &mut View) {
+        let all = pending.fan.all();
+        view.rays.edge += pending.fan.len() as u64;
+        let mut open = all & !self.tracer.blocked(apex, &pending.fan, all, walk);
+        while open != 0 {
+            let (edge, part) = pending.parts[open.trailing_zeros() as usize];
+            open &= open - 1;
+            view.edges[edge].mean[receiver] += part;
         }
+        pending.fan.clear();
+        pending.parts.clear();
     }
 }

@@ -6,15 +6,12 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::scene::Mesh;
-use crate::scene::rays::{BUNDLE, Bundle, LIFT, Tracer as Core, Walk};
+use crate::scene::rays::{Apex, Fan, LIFT, Tracer as Core, Walk, fans};
 
 use super::arrays::vectors;
 use super::compute;
 
-/// Directions that are traced together.
-const BLOCK: usize = 64;
-
-/// Triangles, ready for rays of shared directions.
+/// Triangles, ready for rays from shared points.
 #[pyclass(frozen, module = "deltalux._core")]
 pub(crate) struct Tracer {
     /// Triangles in normalised coordinates.
@@ -24,34 +21,29 @@ pub(crate) struct Tracer {
 }
 
 impl Tracer {
-    /// For each direction the receivers of a bundle that see it, one bit each.
-    fn seen(&self, origins: &[[f64; 3]], normals: &[[f64; 3]], directions: &[[f32; 3]], room: &mut Walk) -> Vec<u64> {
-        let narrow = |n: &[f64; 3]| n.map(|x| x as f32);
-        let lifted = |(origin, normal): (&[f64; 3], &[f64; 3])| {
-            let up = LIFT / self.mesh.scale;
-            self.mesh.normalised(std::array::from_fn(|k| origin[k] + up * normal[k]))
-        };
-        let origins: Vec<[f32; 3]> = origins.iter().zip(normals).map(lifted).collect();
-        let normals: Vec<[f32; 3]> = normals.iter().map(narrow).collect();
-        let bundle = Bundle::new(&origins, &normals);
-        room.begin();
-        let above: Vec<u64> = directions.iter().map(|&direction| above(&normals, direction)).collect();
-        let mut blocked = vec![0; directions.len()];
-        for first in (0..directions.len()).step_by(BLOCK) {
-            let block = first..(first + BLOCK).min(directions.len());
-            let (part, active) = (&directions[block.clone()], &above[block.clone()]);
-            self.tracer.blocked_each(&bundle, part, active, room, &mut blocked[block]);
+    /// For each direction whether a point on a surface sees it.
+    fn seen(&self, origin: &[f64; 3], normal: &[f64; 3], ways: &Ways, room: &mut Walk) -> Vec<bool> {
+        let up = LIFT / self.mesh.scale;
+        let lifted = std::array::from_fn(|k| origin[k] + up * normal[k]);
+        let apex = Apex { origin: self.mesh.normalised(lifted), normal: normal.map(|x| x as f32) };
+        let mut seen = vec![false; ways.directions.len()];
+        for (fan, places) in &ways.fans {
+            let above = |(ray, &place): (usize, &usize)| {
+                let (n, d) = (apex.normal, ways.directions[place]);
+                u64::from(n[0] * d[0] + n[1] * d[1] + n[2] * d[2] > 0.0) << ray
+            };
+            let above = places.iter().enumerate().map(above).sum();
+            let open = above & !self.tracer.blocked(&apex, fan, above, room);
+            places.iter().enumerate().for_each(|(ray, &place)| seen[place] = open >> ray & 1 == 1);
         }
-        above.iter().zip(&blocked).map(|(above, blocked)| above & !blocked).collect()
+        seen
     }
 }
 
-/// Receivers that have a direction above their horizon.
-fn above(normals: &[[f32; 3]], d: [f32; 3]) -> u64 {
-    normals
-        .iter()
-        .enumerate()
-        .fold(0, |bits, (ray, n)| bits | ((n[0] * d[0] + n[1] * d[1] + n[2] * d[2] > 0.0) as u64) << ray)
+/// Directions, and the fans that they make.
+struct Ways {
+    directions: Vec<[f32; 3]>,
+    fans: Vec<(Fan, Vec<usize>)>,
 }
 
 /// Refuses origins that are not finite, and vectors that are not of length 1.
@@ -92,8 +84,7 @@ impl Tracer {
     /// What points on surfaces see: (d, r) bool, true where nothing blocks the ray from an origin in a direction.
     ///
     /// origins (r, 3), unit normals (r, 3) and unit directions (d, 3) are float64. Origins are lifted off their surface;
-    /// rays below the horizon of their normal are false. Fast where 64 consecutive origins, and 64 consecutive
-    /// directions, lie close together.
+    /// rays below the horizon of their normal are false. Fast where neighbours among the directions lie close together.
     fn visibility(
         &self,
         py: Python<'_>,
@@ -107,16 +98,14 @@ impl Tracer {
         let visible = compute(py, || {
             check(&origins, &normals, &directions)?;
             let directions: Vec<[f32; 3]> = directions.iter().map(|d| d.map(|x| x as f32)).collect();
-            let bundles: Vec<Vec<u64>> = origins
-                .par_chunks(BUNDLE)
-                .zip(normals.par_chunks(BUNDLE))
-                .map_init(Walk::default, |room, (origins, normals)| self.seen(origins, normals, &directions, room))
+            let ways = Ways { fans: fans(&directions), directions };
+            let seen: Vec<Vec<bool>> = (0..rays)
+                .into_par_iter()
+                .map_init(Walk::default, |room, ray| self.seen(&origins[ray], &normals[ray], &ways, room))
                 .collect();
             let mut visible = vec![false; rays * count];
             visible.par_chunks_mut(rays.max(1)).enumerate().for_each(|(direction, row)| {
-                for (bundle, part) in bundles.iter().zip(row.chunks_mut(BUNDLE)) {
-                    part.iter_mut().enumerate().for_each(|(ray, see)| *see = bundle[direction] >> ray & 1 == 1);
-                }
+                row.iter_mut().zip(&seen).for_each(|(see, seen)| *see = seen[direction]);
             });
             Ok(visible)
         })?;

@@ -18,7 +18,7 @@ const SAME_NORMAL: f64 = 0.9;
 /// How far, relative to its distance, another point of one surface may lie off the tangent plane.
 const SAME_PLANE: f64 = 0.3;
 /// Inside blocks of this many pixels a side rows are ordered by where they lie in space: neighbouring rows are then near
-/// each other, even among leaves, and beams and groups of 16 rows stay coherent.
+/// each other, even among leaves, and groups of 16 rows stay coherent.
 const BLOCK: usize = 32;
 
 /// How closely a pixel is looked at.

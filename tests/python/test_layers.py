@@ -68,12 +68,6 @@ GLANCES = {
     ("columns/harmonics", "light/environment"),
     ("columns/inner", "light/environment"),
 }
-# Files that still need each other, each with its reason.
-KNOTS = (
-    # A beam, its shafts and its shadows are one walk in several files, until fans take their place.
-    {"scene/rays/beam.rs", "scene/rays/shaft.rs", "scene/rays/shadow.rs", "scene/rays/reach.rs"},
-)
-
 # Foreign crates and packages enter through one file, or one folder, each.
 CRATES = {
     "obvhs": "scene/(rays/)?tracer",
@@ -141,7 +135,7 @@ def test_rust_arrows_go_down(rust):
 
 
 def test_rust_has_no_circles(rust):
-    assert [sorted(circle) for circle in circles(rust) if not any(circle <= knot for knot in KNOTS)] == []
+    assert [sorted(circle) for circle in circles(rust)] == []
 
 
 def test_python_arrows_go_down(python):

@@ -1,7 +1,7 @@
 //! Rays: every way of tracing them against brute force in f64, then the cases where ray tracers leak or hit themselves.
 
 use _core::scene::Mesh;
-use _core::scene::rays::{BUNDLE, Bundle, LIFT, Tracer, Walk, beam};
+use _core::scene::rays::{Apex, FAN, Fan, LIFT, Octant, Tracer, Walk, fans, walk};
 use proptest::prelude::*;
 
 type Point = [f64; 3];
@@ -185,38 +185,42 @@ fn texel_centres(n: usize) -> Vec<[f32; 3]> {
         .collect()
 }
 
-/// Every answer to "which rays of this bundle are blocked", by block, one direction at a time, and portably: all equal.
-fn blocked_all_ways(tracer: &Tracer, bundle: &Bundle, directions: &[[f32; 3]], active: &[u64]) -> Vec<u64> {
+/// Every answer to "which of these rays from one point are blocked", in fans, one ray at a time, and portably: all equal.
+fn blocked_all_ways(tracer: &Tracer, from: &Apex, directions: &[[f32; 3]]) -> Vec<bool> {
     let mut room = Walk::default();
-    room.begin();
-    let mut blocked = vec![0; directions.len()];
-    tracer.blocked_each(bundle, directions, active, &mut room, &mut blocked);
-    let mut portable = vec![!0; directions.len()];
-    beam::blocked_portable(tracer.wide(), bundle, directions, active, &mut room, &mut portable);
-    assert_eq!(blocked, portable, "the portable path");
-    let alone: Vec<u64> =
-        directions.iter().zip(active).map(|(&d, &rays)| tracer.blocked(bundle, d, rays, &mut room)).collect();
-    assert_eq!(blocked, alone, "one direction at a time");
+    let mut blocked = vec![false; directions.len()];
+    for (fan, places) in fans(directions) {
+        let together = tracer.blocked(from, &fan, fan.all(), &mut room);
+        let portable = walk::blocked_portable(tracer.wide(), from, &fan, fan.all(), &mut room);
+        assert_eq!(together, portable, "the portable path");
+        for (ray, &place) in places.iter().enumerate() {
+            blocked[place] = together >> ray & 1 == 1;
+            let alone = tracer.blocked(from, &fan, 1 << ray, &mut room);
+            assert_eq!(alone, together & 1 << ray, "one ray at a time");
+            let mut single = Fan::new(Octant::of(directions[place]));
+            single.push(Octant::of(directions[place]).slopes(directions[place]));
+            assert_eq!(tracer.blocked(from, &single, 1, &mut room) == 1, blocked[place], "a fan of its own");
+        }
+    }
     blocked
 }
 
-/// Counts rays from inside a closed mesh that get out, by bundles and one by one.
+/// No normal: the point lies on no surface, and every direction counts.
+fn free(origin: [f32; 3]) -> Apex {
+    Apex { origin, normal: [0.0; 3] }
+}
+
+/// Counts rays from inside a closed mesh that get out, in fans and one by one.
 fn leaks(tracer: &Tracer, origins: &[[f32; 3]], directions: &[[f32; 3]]) -> (usize, usize) {
     let (mut rays, mut lost) = (0, 0);
     let mut room = Walk::default();
-    for chunk in origins.chunks(BUNDLE) {
-        // No normal: these origins lie on no surface, and every direction counts.
-        let bundle = Bundle::new(chunk, &vec![[0.0; 3]; chunk.len()]);
-        let all = u64::MAX >> (BUNDLE - chunk.len());
-        for block in directions.chunks(64) {
-            let mut blocked = vec![0; block.len()];
-            tracer.blocked_each(&bundle, block, &vec![all; block.len()], &mut room, &mut blocked);
-            lost += blocked.iter().map(|b| (all & !b).count_ones() as usize).sum::<usize>();
-            rays += chunk.len() * block.len();
+    let fans = fans(directions);
+    for &origin in origins {
+        for (fan, _) in &fans {
+            lost += (fan.all() & !tracer.blocked(&free(origin), fan, fan.all(), &mut room)).count_ones() as usize;
+            rays += fan.len();
         }
-        for &direction in directions.iter().step_by(7) {
-            lost += chunk.iter().filter(|&&origin| !tracer.occluded(origin, direction)).count();
-        }
+        lost += directions.iter().step_by(7).filter(|&&direction| !tracer.occluded(origin, direction)).count();
     }
     (rays, lost)
 }
@@ -262,59 +266,69 @@ proptest! {
     }
 
     #[test]
-    fn bundles_agree_with_brute_force(
-        seed: u64, count in 1usize..300, size in 0.01f64..1.0, rays in 1usize..=BUNDLE, width in 0.0f64..0.5,
-        spread in 0.0f64..0.3,
+    fn fans_agree_with_brute_force(
+        seed: u64, count in 1usize..300, size in 0.01f64..1.0, rays in 1usize..=FAN, spread in 0.0f64..0.3,
     ) {
         let mut dice = Dice(seed);
         let mesh = Soup::random(count, size, &mut dice).mesh();
         let tracer = Tracer::new(&mesh);
-        let (at, normal) = (dice.point(), dice.direction());
-        let origins: Vec<[f32; 3]> = (0..rays)
-            .map(|_| {
-                let step = dice.point();
-                narrow(std::array::from_fn(|k| 0.5 * at[k] + width * step[k]))
-            })
-            .collect();
-        let bundle = Bundle::new(&origins, &vec![narrow(normal); rays]);
-        let directions = block_around(dice.direction(), spread, 16, &mut dice);
-        let all = u64::MAX >> (BUNDLE - rays);
-        let active: Vec<u64> = directions.iter().map(|_| dice.next() & all).collect();
-        let blocked = blocked_all_ways(&tracer, &bundle, &directions, &active);
-        for k in 0..directions.len() {
-            prop_assert_eq!(blocked[k] & !active[k], 0);
-            for ray in (0..rays).filter(|ray| active[k] >> ray & 1 == 1) {
-                let (expected, doubtful) = brute(&mesh, origins[ray], directions[k]);
-                prop_assert!(doubtful || expected.is_some() == (blocked[k] >> ray & 1 == 1));
+        let directions = block_around(dice.direction(), spread, rays, &mut dice);
+        for _ in 0..16 {
+            let from = free(narrow(dice.point()));
+            let blocked = blocked_all_ways(&tracer, &from, &directions);
+            for (&direction, blocked) in directions.iter().zip(blocked) {
+                let (expected, doubtful) = brute(&mesh, from.origin, direction);
+                prop_assert!(doubtful || expected.is_some() == blocked);
             }
         }
     }
 
-    /// Origins on a point, a line, far apart; directions along axes, opposite to each other, below the surface.
+    /// Directions all around, along axes and between them: wide fans, slopes of 0 and 1.
     #[test]
-    fn odd_bundles_agree_with_brute_force(seed: u64, shape in 0usize..4, rays in 1usize..=BUNDLE) {
+    fn odd_fans_agree_with_brute_force(seed: u64, count in 1usize..200) {
         let mut dice = Dice(seed);
         let mesh = Soup::random(100, 0.3, &mut dice).mesh();
         let tracer = Tracer::new(&mesh);
-        let at = dice.point();
-        let origins: Vec<[f32; 3]> = (0..rays)
-            .map(|ray| narrow(match shape {
-                0 => at,
-                1 => [at[0], at[1], ray as f64 / 64.0],
-                2 => dice.point(),
-                _ => if ray % 2 == 0 { at } else { at.map(|x| -x) },
-            }))
-            .collect();
-        let bundle = Bundle::new(&origins, &vec![[0.0, 1.0, 0.0]; rays]);
-        let mut directions: Vec<[f32; 3]> = (0..6).map(|_| narrow(dice.direction())).collect();
-        directions.extend([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]]);
-        let all = u64::MAX >> (BUNDLE - rays);
-        let blocked = blocked_all_ways(&tracer, &bundle, &directions, &vec![all; directions.len()]);
-        for (k, &direction) in directions.iter().enumerate() {
-            for (ray, &origin) in origins.iter().enumerate() {
-                let (expected, doubtful) = brute(&mesh, origin, direction);
-                prop_assert!(doubtful || expected.is_some() == (blocked[k] >> ray & 1 == 1));
-            }
+        let mut directions: Vec<[f32; 3]> = (0..count).map(|_| narrow(dice.direction())).collect();
+        for k in (0..27).filter(|&k| k != 13) {
+            directions.push(narrow(unit([k / 9, k / 3 % 3, k % 3].map(|x| x as f64 - 1.0))));
+        }
+        let from = free(narrow(dice.point()));
+        let blocked = blocked_all_ways(&tracer, &from, &directions);
+        for (&direction, blocked) in directions.iter().zip(blocked) {
+            let (expected, doubtful) = brute(&mesh, from.origin, direction);
+            prop_assert!(doubtful || expected.is_some() == blocked);
+        }
+    }
+
+    /// A ray that ends is blocked by what lies before its end, and by nothing else.
+    #[test]
+    fn segments_agree_with_brute_force(seed: u64, count in 1usize..300, size in 0.01f64..1.0, spread in 0.0f64..0.5) {
+        let mut dice = Dice(seed);
+        let mesh = Soup::random(count, size, &mut dice).mesh();
+        let tracer = Tracer::new(&mesh);
+        let from = free(narrow(dice.point()));
+        let middle = dice.direction();
+        let octant = Octant::of(narrow(middle));
+        let ways: Vec<[f32; 3]> = block_around(middle, spread, 400, &mut dice)
+            .into_iter().filter(|&d| Octant::of(d) == octant).take(FAN).collect();
+        let mut fan = Fan::new(octant);
+        let mut lengths = Vec::new();
+        for &way in &ways {
+            let nearest = brute(&mesh, from.origin, way).0.map_or(1.0, |hit| hit.1);
+            // About the first hit, a little before it, a little behind it, anywhere.
+            let length = nearest * [1.0 - 1e-3, 1.0 + 1e-3, 0.5, 2.0][(dice.next() % 4) as usize];
+            lengths.push(length);
+            fan.push_segment(octant.slopes(way), (length * wide(way)[octant.axes[2]].abs()) as f32);
+        }
+        let mut room = Walk::default();
+        let blocked = tracer.blocked(&from, &fan, fan.all(), &mut room);
+        prop_assert_eq!(blocked, walk::blocked_portable(tracer.wide(), &from, &fan, fan.all(), &mut room));
+        for (ray, (&way, &length)) in ways.iter().zip(&lengths).enumerate() {
+            prop_assert_eq!(tracer.blocked(&from, &fan, 1 << ray, &mut room), blocked & 1 << ray);
+            let (expected, doubtful) = brute(&mesh, from.origin, way);
+            let near = expected.is_some_and(|hit| (hit.1 - length).abs() < 1e-4);
+            prop_assert!(doubtful || near || expected.is_some_and(|hit| hit.1 < length) == (blocked >> ray & 1 == 1));
         }
     }
 }
@@ -394,23 +408,21 @@ fn a_convex_mesh_does_not_hit_itself() {
         for triangle in (0..mesh.corners.len()).step_by(17) {
             let normal = mesh.normal(triangle);
             let corners = mesh.corners[triangle].map(wide);
-            let origins: Vec<[f32; 3]> = (0..BUNDLE)
-                .map(|_| {
-                    let weights: Point = std::array::from_fn(|_| dice.number().abs() + 1e-9);
-                    let sum: f64 = weights.iter().sum();
-                    narrow(std::array::from_fn(|k| {
-                        (0..3).map(|c| weights[c] / sum * corners[c][k]).sum::<f64>() + LIFT * normal[k]
-                    }))
-                })
-                .collect();
-            let bundle = Bundle::new(&origins, &[narrow(normal); BUNDLE]);
-            for block in directions.chunks(64) {
-                let above: Vec<[f32; 3]> = block.iter().copied().filter(|&d| dot(wide(d), normal) > 0.0).collect();
-                let mut blocked = vec![0; above.len()];
-                tracer.blocked_each(&bundle, &above, &vec![u64::MAX; above.len()], &mut room, &mut blocked);
-                assert!(blocked.iter().all(|&b| b == 0), "scale {scale}, offset {offset}, triangle {triangle}");
-                rays += BUNDLE * above.len();
-                let single = above.iter().step_by(5).any(|&d| tracer.occluded(origins[0], d));
+            let above: Vec<[f32; 3]> = directions.iter().copied().filter(|&d| dot(wide(d), normal) > 0.0).collect();
+            let fans = fans(&above);
+            for point in 0..64 {
+                let weights: Point = std::array::from_fn(|_| dice.number().abs() + 1e-9);
+                let sum: f64 = weights.iter().sum();
+                let origin = narrow(std::array::from_fn(|k| {
+                    (0..3).map(|c| weights[c] / sum * corners[c][k]).sum::<f64>() + LIFT * normal[k]
+                }));
+                // With the plane of its surface and without: neither needs the other.
+                for from in [Apex { origin, normal: narrow(normal) }, free(origin)] {
+                    let hit = fans.iter().any(|(fan, _)| tracer.blocked(&from, fan, fan.all(), &mut room) != 0);
+                    assert!(!hit, "scale {scale}, offset {offset}, triangle {triangle}");
+                }
+                rays += above.len();
+                let single = point == 0 && above.iter().step_by(5).any(|&d| tracer.occluded(origin, d));
                 assert!(!single, "scale {scale}, offset {offset}, triangle {triangle}");
             }
         }
@@ -462,16 +474,13 @@ fn duplicates_and_triangles_without_area_change_nothing() {
     assert!(more.degenerate >= 100, "{}", more.degenerate);
     assert_eq!(more.corners.len() + more.degenerate, doubled.triangles.len());
     let (one, two) = (Tracer::new(&mesh), Tracer::new(&more));
-    let origins: Vec<[f32; 3]> = (0..BUNDLE).map(|_| narrow(dice.point())).collect();
-    let bundle = Bundle::new(&origins, &[[0.0, 0.0, 1.0]; BUNDLE]);
     let directions = texel_centres(4);
-    let active = vec![u64::MAX; directions.len()];
-    let here = blocked_all_ways(&one, &bundle, &directions, &active);
-    let there = blocked_all_ways(&two, &bundle, &directions, &active);
-    for (k, &direction) in directions.iter().enumerate() {
-        for (ray, &origin) in origins.iter().enumerate() {
-            let doubtful = brute(&mesh, origin, direction).1;
-            assert!(doubtful || (here[k] ^ there[k]) >> ray & 1 == 0);
+    for _ in 0..64 {
+        let from = free(narrow(dice.point()));
+        let here = blocked_all_ways(&one, &from, &directions);
+        let there = blocked_all_ways(&two, &from, &directions);
+        for (k, &direction) in directions.iter().enumerate() {
+            assert!(here[k] == there[k] || brute(&mesh, from.origin, direction).1);
         }
     }
 }
@@ -490,20 +499,13 @@ fn slivers_agree_with_brute_force() {
     let tracer = Tracer::new(&mesh);
     let mut sure = 0;
     for _ in 0..200 {
-        let at = dice.point();
-        let origins: Vec<[f32; 3]> = (0..BUNDLE)
-            .map(|_| {
-                let step = dice.point();
-                narrow(std::array::from_fn(|k| at[k] + 0.05 * step[k]))
-            })
-            .collect();
-        let bundle = Bundle::new(&origins, &[[0.0, 0.0, 1.0]; BUNDLE]);
-        let direction = narrow(dice.direction());
-        let blocked = blocked_all_ways(&tracer, &bundle, &[direction], &[u64::MAX])[0];
-        for (ray, &origin) in origins.iter().enumerate() {
-            let (expected, doubtful) = brute(&mesh, origin, direction);
+        let from = free(narrow(dice.point()));
+        let directions = block_around(dice.direction(), 0.05, FAN, &mut dice);
+        let blocked = blocked_all_ways(&tracer, &from, &directions);
+        for (&direction, blocked) in directions.iter().zip(blocked) {
+            let (expected, doubtful) = brute(&mesh, from.origin, direction);
             sure += !doubtful as usize;
-            assert!(doubtful || expected.is_some() == (blocked >> ray & 1 == 1));
+            assert!(doubtful || expected.is_some() == blocked);
         }
     }
     assert!(sure > 5000, "{sure}");
@@ -515,8 +517,7 @@ fn an_empty_tracer_blocks_nothing() {
     let mesh = Mesh::new(&[[0.0; 3], [1.0; 3]], &[[0, 1, 1]]).expect("accepted, and counted");
     assert_eq!((mesh.corners.len(), mesh.degenerate), (0, 1));
     let tracer = Tracer::new(&mesh);
-    let bundle = Bundle::new(&[[0.0; 3]], &[[0.0, 1.0, 0.0]]);
-    assert_eq!(tracer.blocked(&bundle, [0.0, 1.0, 0.0], 1, &mut Walk::default()), 0);
+    assert_eq!(blocked_all_ways(&tracer, &free([0.0; 3]), &[[0.0, 1.0, 0.0]]), [false]);
     assert!(!tracer.occluded([0.0; 3], [0.0, 1.0, 0.0]));
     assert_eq!(tracer.closest_hit([0.0; 3], [0.0, 1.0, 0.0]), None);
 }
@@ -536,14 +537,13 @@ fn unusual_trees_agree_with_brute_force() {
     for soup in [one, piled, shrinking] {
         let mesh = soup.mesh();
         let tracer = Tracer::new(&mesh);
-        let origins: Vec<[f32; 3]> = (0..BUNDLE).map(|_| narrow(dice.point())).collect();
-        let bundle = Bundle::new(&origins, &[[0.0, 0.0, 1.0]; BUNDLE]);
         let directions = texel_centres(4);
-        let blocked = blocked_all_ways(&tracer, &bundle, &directions, &vec![u64::MAX; directions.len()]);
-        for (k, &direction) in directions.iter().enumerate() {
-            for (ray, &origin) in origins.iter().enumerate() {
-                let (expected, doubtful) = brute(&mesh, origin, direction);
-                assert!(doubtful || expected.is_some() == (blocked[k] >> ray & 1 == 1));
+        for _ in 0..64 {
+            let from = free(narrow(dice.point()));
+            let blocked = blocked_all_ways(&tracer, &from, &directions);
+            for (&direction, blocked) in directions.iter().zip(blocked) {
+                let (expected, doubtful) = brute(&mesh, from.origin, direction);
+                assert!(doubtful || expected.is_some() == blocked);
             }
         }
     }

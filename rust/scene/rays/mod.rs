@@ -1,13 +1,14 @@
-//! Rays: the tree, its one tracer, and bundles of parallel rays that walk it together.
+//! Rays: the tree, its one tracer, and fans of rays that walk it together.
 
-pub mod beam;
-pub mod bundle;
+mod cone;
 mod eight;
-pub mod reach;
-mod shadow;
-mod shaft;
+mod facets;
+pub mod fan;
 pub mod tracer;
+mod tree;
+pub mod walk;
 
-pub use beam::Walk;
-pub use bundle::{BUNDLE, Bundle};
+pub use cone::Apex;
+pub use fan::{FAN, Fan, Octant, fans};
 pub use tracer::{Hit, LIFT, Tracer};
+pub use walk::Walk;

@@ -1,6 +1,6 @@
 //! Ray queries: the only file that names obvhs, which builds the tree.
 //!
-//! `Tracer::blocked` answers for bundles of parallel rays (`beam.rs`), the bulk of all rays; `closest_hit` and `occluded`
+//! `Tracer::blocked` answers for fans of rays from one point (`walk.rs`), the bulk of all rays; `closest_hit` and `occluded`
 //! take one ray at a time over obvhs's own nodes, for primary rays and as a check of the other. All use the triangle
 //! tests of this crate: obvhs's own test leaks at shared edges and vertices.
 
@@ -13,10 +13,10 @@ use obvhs::bvh2::builder::build_bvh2;
 use obvhs::ray::{Ray, RayHit};
 use obvhs::{Boundable, BvhBuildParams};
 
-use super::beam::{self, Walk};
-use super::bundle::Bundle;
-use super::reach::{LEAF, Node, WideTree};
-use super::shadow::Leaf;
+use super::cone::Apex;
+use super::fan::Fan;
+use super::tree::{LEAF, Leaf, Node, WideTree};
+use super::walk::{self, Walk};
 use crate::scene::mesh::Mesh;
 
 /// Boxes are padded by this much of the normalised scene: eight units in the last place of its largest coordinate.
@@ -117,27 +117,12 @@ impl Tracer {
         Tracer { bvh, corners, wide }
     }
 
-    /// Which of the `active` rays of a bundle are blocked in one direction.
-    pub fn blocked(&self, bundle: &Bundle, direction: [f32; 3], active: u64, room: &mut Walk) -> u64 {
-        let mut blocked = [0];
-        self.blocked_each(bundle, &[direction], &[active], room, &mut blocked);
-        blocked[0]
+    /// Which of the `active` rays of a fan, one bit each, meet a triangle. An answer does not depend on the other rays.
+    pub fn blocked(&self, from: &Apex, fan: &Fan, active: u64, room: &mut Walk) -> u64 {
+        walk::blocked(&self.wide, from, fan, active, room)
     }
 
-    /// The same for each of a block of directions: the closer they lie together the faster (8 x 8 texels, say), and the
-    /// answer is the same (see `beam::blocked`).
-    pub fn blocked_each(
-        &self,
-        bundle: &Bundle,
-        directions: &[[f32; 3]],
-        active: &[u64],
-        room: &mut Walk,
-        blocked: &mut [u64],
-    ) {
-        beam::blocked(&self.wide, bundle, directions, active, room, blocked)
-    }
-
-    /// The tree that beams walk, for tests of its two paths.
+    /// The tree that fans walk, for tests of its two paths.
     pub fn wide(&self) -> &WideTree {
         &self.wide
     }
@@ -204,12 +189,11 @@ impl Collapse<'_> {
                     (self.tree.nodes.len() - 1) as u32
                 };
                 let bounds = self.bvh.nodes[below as usize].aabb();
-                let (centre, half) = ((bounds.min + bounds.max) * 0.5, (bounds.max - bounds.min) * 0.5);
                 let node = &mut self.tree.nodes[place];
                 node.child[slot] = child;
                 for axis in 0..3 {
-                    node.centre[axis][slot] = centre[axis];
-                    node.half[axis][slot] = half[axis];
+                    node.bounds[0][axis][slot] = bounds.min[axis];
+                    node.bounds[1][axis][slot] = bounds.max[axis];
                 }
             }
         }
