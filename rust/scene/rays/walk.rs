@@ -9,7 +9,9 @@
 //!
 //! Tried and dropped: beams of 64 receivers that share a direction (1.4 to 6 times slower, and slower still the coarser
 //! the picture); a shaft around neighbouring receivers to start from (-16 to +10 %); children sorted nearest first; the
-//! leaf that blocked the last fan tried first (below 1 %).
+//! leaf that blocked the last fan tried first (below 1 %); 128 rays a fan (10 to 25 % slower); leaves of at most 4 or 6
+//! triangles (20, 10 % slower); slower builds of the tree (-15 to +10 %); the largest flat convex pieces of the scene,
+//! merged and tried before the walk (5 to 10 % faster first rays on scenes with a floor, for 250 lines).
 
 use super::cone::{Apex, Boxes, Cone};
 #[cfg(target_arch = "x86_64")]
