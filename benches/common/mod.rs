@@ -50,6 +50,7 @@ pub fn matrix(rows: usize, tile_rows: usize) -> TransportMatrix {
             starts.push(words.len() as u32);
         }
         tiles.push(Tile {
+            sight: None,
             rows: tile_rows,
             channels: Channels::One,
             starts: starts.into(),

@@ -19,6 +19,13 @@ pub enum ColumnSpace {
         /// Texels along a face: a power of two.
         size: usize,
     },
+    /// `Haar`, and then the texels themselves in one band more: light as a union of both bases (`transport/sight.rs`).
+    ///
+    /// Texel p is the function 1 / sqrt(dω_p) on the texel; they are numbered row-major, face after face.
+    HaarTexels {
+        /// Texels along a face: a power of two.
+        size: usize,
+    },
     /// Real spherical harmonics of the degrees below `order` (`basis/spherical_harmonics.rs`): order² columns.
     ///
     /// Band l holds the 2l + 1 functions of degree l, from m = -l to l.
@@ -55,6 +62,8 @@ pub struct Bands {
     /// So many of the first columns are never dropped: without the scaling functions rows no longer sum to the light
     /// that they receive (the white furnace).
     pub always: usize,
+    /// So many of the last columns, a band of their own, are texels: rows keep bits for them, and no entries.
+    pub texels: usize,
 }
 
 impl Bands {
@@ -77,6 +86,11 @@ impl Bands {
     /// The number of columns, over all bands.
     pub fn columns(&self) -> usize {
         *self.starts.last().expect("starts is never empty")
+    }
+
+    /// The columns that have entries.
+    pub fn stored(&self) -> usize {
+        self.columns() - self.texels
     }
 
     /// The columns of a band; panics where there is no such band.
@@ -103,6 +117,19 @@ impl ColumnSpace {
                 "a Haar cubemap face must be a power of two from 1 to {} texels wide, got {size}",
                 Self::MAX_HAAR
             )))
+        }
+    }
+
+    /// The Haar basis and the texels of the same cubemap.
+    pub fn haar_texels(size: usize) -> Result<Self> {
+        Self::haar(size).map(|_| ColumnSpace::HaarTexels { size })
+    }
+
+    /// Texels along a face, where some columns are texels.
+    pub fn texels(self) -> Option<usize> {
+        match self {
+            ColumnSpace::HaarTexels { size } => Some(size),
+            _ => None,
         }
     }
 
@@ -154,6 +181,7 @@ impl ColumnSpace {
             ColumnSpace::Tree { samples } => samples.next_power_of_two(),
             ColumnSpace::Representatives { clusters, each } => clusters * (1 + each),
             ColumnSpace::Haar { size } => 6 * size * size,
+            ColumnSpace::HaarTexels { size } => 12 * size * size,
             ColumnSpace::SphericalHarmonics { order } => order * order,
         }
     }
@@ -170,11 +198,18 @@ impl ColumnSpace {
                 while starts[starts.len() - 1] < columns {
                     starts.push(2 * starts[starts.len() - 1]);
                 }
-                Bands { starts, areas, always: columns.min(8) }
+                Bands { starts, areas, always: columns.min(8), texels: 0 }
             }
             ColumnSpace::Representatives { clusters, each } => {
                 let starts = (0..=1 + each).map(|band| band * clusters).collect();
-                Bands { starts, areas: vec![1.0; self.columns()], always: clusters }
+                Bands { starts, areas: vec![1.0; self.columns()], always: clusters, texels: 0 }
+            }
+            ColumnSpace::HaarTexels { size } => {
+                let mut bands = ColumnSpace::Haar { size }.bands();
+                let texels = 6 * size * size;
+                bands.starts.push(2 * texels);
+                bands.areas.resize(2 * texels, 1.0);
+                Bands { texels, ..bands }
             }
             ColumnSpace::Haar { size } => {
                 let levels = size.trailing_zeros() as usize;
@@ -188,12 +223,13 @@ impl ColumnSpace {
                 if levels == 0 {
                     starts.push(6);
                 }
-                Bands { starts, areas, always: 6 }
+                Bands { starts, areas, always: 6, texels: 0 }
             }
             ColumnSpace::SphericalHarmonics { order } => Bands {
                 starts: (0..=order).map(|degree| degree * degree).collect(),
                 areas: vec![1.0; order * order],
                 always: 1,
+                texels: 0,
             },
         }
     }
@@ -203,6 +239,7 @@ impl fmt::Display for ColumnSpace {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             ColumnSpace::Haar { size } => write!(f, "haar:{size}"),
+            ColumnSpace::HaarTexels { size } => write!(f, "haar:{size}+texels"),
             ColumnSpace::SphericalHarmonics { order } => write!(f, "sh:{order}"),
             ColumnSpace::Tree { samples } => write!(f, "tree:{samples}"),
             ColumnSpace::Representatives { clusters, each } => write!(f, "representatives:{clusters}x{each}"),
@@ -213,8 +250,12 @@ impl fmt::Display for ColumnSpace {
 impl FromStr for ColumnSpace {
     type Err = Error;
 
-    /// Reads what `Display` writes: `haar:64`, `sh:20`, `tree:4096`, `representatives:398x25`.
+    /// Reads what `Display` writes: `haar:64`, `haar:64+texels`, `sh:20`, `tree:4096`, `representatives:398x25`.
     fn from_str(text: &str) -> Result<Self> {
+        let texels = text.strip_prefix("haar:").and_then(|rest| rest.strip_suffix("+texels")?.parse().ok());
+        if let Some(size) = texels {
+            return ColumnSpace::haar_texels(size);
+        }
         let (kind, number) = text.split_once(':').unwrap_or((text, ""));
         let pair = number.split_once('x').and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)));
         match (kind, number.parse(), pair) {
@@ -222,7 +263,9 @@ impl FromStr for ColumnSpace {
             ("sh", Ok(order), _) => ColumnSpace::spherical_harmonics(order),
             ("tree", Ok(samples), _) => ColumnSpace::tree(samples),
             ("representatives", _, Some((clusters, each))) => ColumnSpace::representatives(clusters, each),
-            _ => Err(Error::input(format!("expected columns like \"haar:64\" or \"sh:20\", got {text:?}"))),
+            _ => Err(Error::input(format!(
+                "expected columns like \"haar:64\", \"haar:64+texels\" or \"sh:20\", got {text:?}"
+            ))),
         }
     }
 }

@@ -61,6 +61,15 @@ fn magnitude(pixel: &[f32; 3]) -> f64 {
     pixel.iter().fold(0.0, |most, value| value.abs().max(most)) as f64
 }
 
+/// The magnitudes of all pixels, each times its solid angle.
+pub fn flux(layout: Layout, pixels: &[[f32; 3]]) -> f64 {
+    let area = |k: usize| match layout {
+        Layout::LatLong { width, height } => lat_long_area(width, height, k / width),
+        Layout::Cubemap { .. } => 4.0 * std::f64::consts::PI / pixels.len() as f64,
+    };
+    pixels.iter().enumerate().map(|(k, pixel)| magnitude(pixel) * area(k)).sum()
+}
+
 /// The least magnitude that is not bright, such that at most `count` pixels are above it.
 fn cap(layout: Layout, pixels: &[[f32; 3]], count: usize) -> f64 {
     let mut magnitudes: Vec<f64> = pixels.iter().map(magnitude).collect();
@@ -101,6 +110,27 @@ impl Square {
             }
         };
         Square { direction, width, flux: radiance.map(|value| value * area) }
+    }
+
+    /// Its direction, of length 1.
+    pub fn unit(&self) -> [f64; 3] {
+        let length = self.direction.iter().map(|x| x * x).sum::<f64>().sqrt();
+        self.direction.map(|x| x / length)
+    }
+
+    /// Radiance times solid angle.
+    pub fn flux(&self) -> [f64; 3] {
+        self.flux
+    }
+
+    /// The magnitude of its flux.
+    pub fn amount(&self) -> f64 {
+        self.flux.iter().fold(0.0, |most, value| value.abs().max(most))
+    }
+
+    /// The magnitude of its radiance.
+    pub fn brightness(&self) -> f64 {
+        self.amount() / (self.width * self.width)
     }
 
     /// Where the rotated square lies on a cubemap; one across an edge is moved inside.

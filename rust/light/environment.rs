@@ -23,12 +23,14 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use rayon::prelude::*;
 
+use crate::basis::cubemap::solid_angles;
 use crate::basis::spherical_harmonics::Rotation;
 use crate::basis::{HARMONIC_FACE, HarmonicProjection};
 use crate::error::{Error, Result};
 
 use super::layout::{Layout, unrotate};
 use super::lookup::{lat_long, seamless};
+use super::peaks::Peak;
 use super::resample::Prepared;
 
 /// A map of distant radiance.
@@ -61,7 +63,31 @@ impl EnvironmentMap {
     ///
     /// `rotation` is an orthogonal matrix in rows, possibly with a mirror.
     pub fn resample(&self, size: usize, rotation: &[[f64; 3]; 3], scale: f64, radiance: &mut [[f32; 3]]) {
-        self.prepare(size).add(rotation, scale, radiance);
+        self.prepare(size).add(rotation, scale, 0, radiance);
+    }
+
+    /// The same without the map's `peaks` largest peaks, which are added to `texels` instead, each in the texels around
+    /// its direction: coefficients of orthonormal texels.
+    pub fn split(
+        &self,
+        size: usize,
+        rotation: &[[f64; 3]; 3],
+        scale: f64,
+        peaks: usize,
+        radiance: &mut [[f32; 3]],
+        texels: &mut [[f64; 3]],
+    ) {
+        let prepared = self.prepare(size);
+        prepared.add(rotation, scale, peaks, radiance);
+        let areas = solid_angles(size);
+        for peak in prepared.peaks().iter().take(peaks) {
+            peak.turned(rotation).add(size, scale, &areas, texels);
+        }
+    }
+
+    /// The map's largest peaks for cubemaps of a size, turned.
+    pub fn peaks(&self, size: usize, rotation: &[[f64; 3]; 3], count: usize) -> Vec<Peak> {
+        self.prepare(size).peaks().iter().take(count).map(|peak| peak.turned(rotation)).collect()
     }
 
     /// Adds to `coefficients` this map's, turned by `rotation` and times `scale`.

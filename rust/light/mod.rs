@@ -5,6 +5,7 @@ pub mod layout;
 
 mod bright;
 mod lookup;
+pub mod peaks;
 mod resample;
 
 pub use environment::EnvironmentMap;

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use super::bright::{self, Placed, Square};
 use super::layout::{Layout, unrotate};
 use super::lookup::{average, bordered};
+use super::peaks::{self, Peak};
 use crate::basis::cubemap::{face_basis, solid_angles, texel_centre};
 
 /// Target texels that are looked up together.
@@ -22,6 +23,9 @@ pub struct Prepared {
     narrow: Level,
     wide: Level,
     bright: Vec<Square>,
+    /// Suns and lamps, the largest first; for each square the number of the one that it is part of.
+    peaks: Vec<Peak>,
+    peak_of: Vec<u32>,
     /// 1 / dω of a face's texels.
     inverse_areas: Vec<f64>,
 }
@@ -65,11 +69,14 @@ impl Prepared {
     pub fn new(layout: Layout, pixels: &[[f32; 3]], size: usize) -> Self {
         let (base, bright) = bright::split(layout, pixels, size);
         let fine = average(layout, base, 2 * size);
+        let (peaks, peak_of) = peaks::find(&bright, bright::flux(layout, pixels), size);
         Prepared {
             size,
             narrow: Level::new(2 * size, &fine, 1),
             wide: Level::new(2 * size, &fine, 2),
             bright,
+            peaks,
+            peak_of,
             inverse_areas: solid_angles(size).iter().map(|area| 1.0 / area).collect(),
         }
     }
@@ -77,11 +84,16 @@ impl Prepared {
     /// Bytes held.
     pub fn bytes(&self) -> usize {
         let points = self.narrow.points.len() + self.wide.points.len();
-        16 * points + 8 * self.inverse_areas.len() + std::mem::size_of_val(&self.bright[..])
+        16 * points + 8 * self.inverse_areas.len() + std::mem::size_of_val(&self.bright[..]) + 4 * self.peak_of.len()
     }
 
-    /// Adds the rotated and scaled map to a cubemap.
-    pub fn add(&self, rotation: &[[f64; 3]; 3], scale: f64, radiance: &mut [[f32; 3]]) {
+    /// The map's peaks, the largest first.
+    pub fn peaks(&self) -> &[Peak] {
+        &self.peaks
+    }
+
+    /// Adds the rotated and scaled map to a cubemap, without its `peaks` largest peaks.
+    pub fn add(&self, rotation: &[[f64; 3]; 3], scale: f64, peaks: usize, radiance: &mut [[f32; 3]]) {
         let frames: [Axes; 6] = std::array::from_fn(|face| {
             face_basis(face).map(|axis| unrotate(rotation, axis).map(|component| component as f32))
         });
@@ -91,7 +103,7 @@ impl Prepared {
         // Each strip adds its own squares in their order: so threads never change a bit.
         let mut squares = vec![Vec::new(); strips.len()];
         let strips_a_face = self.size.div_ceil(STRIP);
-        for (k, place) in placed.iter().enumerate() {
+        for (k, place) in placed.iter().enumerate().filter(|&(k, _)| self.peak_of[k] as usize >= peaks) {
             for strip in place.rows.start / STRIP..=(place.rows.end - 1) / STRIP {
                 squares[place.face * strips_a_face + strip].push(k);
             }

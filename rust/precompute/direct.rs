@@ -16,9 +16,10 @@ use crate::error::Result;
 use crate::scene::Receivers;
 use crate::scene::rays::Tracer;
 use crate::transport::entry::Channels;
+use crate::transport::sight::Seen;
 use crate::transport::{GROUP, Rows16};
 
-use super::pass::{Pass, Rays, Shape, Take};
+use super::pass::{Made, Pass, Shape, Take};
 use super::projection::{Projection, Scratch};
 use super::visibility::{Looking, Normals, View, Visibility};
 
@@ -42,7 +43,7 @@ impl DirectPass {
         let projection = Projection::new(space)?;
         let rows = receivers.len();
         let visibility = Visibility::new(tracer, receivers, projection.size(), edge_side)?;
-        let shape = Shape { rows, bands: space.bands(), channels: Channels::One, factors: 1 };
+        let shape = Shape { rows, texels: space.texels(), bands: space.bands(), channels: Channels::One, factors: 1 };
         Ok(DirectPass { visibility, projection, shape })
     }
 
@@ -88,16 +89,20 @@ impl Pass for DirectPass {
         Room {
             looking: Looking::default(),
             texels: self.projection.scratch(),
-            coefficients: vec![[0.0; GROUP]; self.shape.bands.columns()],
+            coefficients: vec![[0.0; GROUP]; self.shape.bands.stored()],
         }
     }
 
-    fn bundle(&self, rows: Range<usize>, room: &mut Room, take: &mut Take) -> Result<Rays> {
+    fn bundle(&self, rows: Range<usize>, room: &mut Room, take: &mut Take) -> Result<Made> {
         let view = self.visibility.view(rows.clone(), &mut room.looking);
         for group in 0..rows.len().div_ceil(GROUP) {
             self.transform(rows.clone(), group, &view, room);
             take(0, &[&room.coefficients])?;
         }
-        Ok(view.rays)
+        let seen = self
+            .shape
+            .texels
+            .map(|_| Seen { normals: self.visibility.receivers.normal[rows].to_vec(), open: view.open });
+        Ok(Made { rays: view.rays, seen })
     }
 }

@@ -8,4 +8,4 @@ mod texels;
 mod visibility;
 
 pub use direct::DirectPass;
-pub use pass::{Pass, Probed, Rays, Shape, Surveyed, probe, survey, tile};
+pub use pass::{Made, Pass, Probed, Rays, Shape, Surveyed, probe, survey, tile};

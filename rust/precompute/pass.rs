@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use crate::basis::Bands;
 use crate::error::{Error, Result};
 use crate::transport::entry::Channels;
+use crate::transport::sight::{Encoded, Seen, Sight};
 use crate::transport::{
     CompressedGroup, GROUP, MAX_TILE_ROWS, Rows16, Survey, Tile, Truncation, Width, compress_group,
 };
@@ -48,6 +49,8 @@ impl Rays {
 pub struct Shape {
     /// Receivers, over all tiles.
     pub rows: usize,
+    /// Texels along a face, where some columns are texels (of the first factor).
+    pub texels: Option<usize>,
     /// How the columns group; the same for all factors.
     pub bands: Bands,
     /// One number for all colours, or one each.
@@ -62,6 +65,14 @@ pub type Take<'a> = dyn FnMut(usize, &[&[Rows16]]) -> Result<()> + 'a;
 /// Hears of every bundle's rows, and may stop the pass.
 pub type Advance<'a> = dyn Fn(u64) -> Result<()> + Sync + 'a;
 
+/// What a bundle has taken and found, besides its rows.
+pub struct Made {
+    /// Shot for it.
+    pub rays: Rays,
+    /// What its rows see of the texels, where some columns are texels.
+    pub seen: Option<Seen>,
+}
+
 /// One deterministic piece of precomputation.
 pub trait Pass: Sync {
     /// Room for one bundle, kept by each thread.
@@ -74,7 +85,7 @@ pub trait Pass: Sync {
     fn room(&self) -> Self::Room;
 
     /// Makes the rows of one bundle (at most `BUNDLE_ROWS`) and hands over group after group.
-    fn bundle(&self, rows: Range<usize>, room: &mut Self::Room, take: &mut Take) -> Result<Rays>;
+    fn bundle(&self, rows: Range<usize>, room: &mut Self::Room, take: &mut Take) -> Result<Made>;
 }
 
 /// The tiles of some rows, one a factor, each truncated by its rule.
@@ -84,7 +95,7 @@ pub fn tile<P: Pass>(
     rules: &[Truncation],
     advance: &Advance,
 ) -> Result<(Vec<Tile>, Rays)> {
-    let Shape { rows: all, bands, channels, factors } = pass.shape();
+    let Shape { rows: all, texels, bands, channels, factors } = pass.shape();
     if rows.is_empty() || rows.end > *all || rows.len() > MAX_TILE_ROWS || rules.len() != *factors {
         let (first, count) = (rows.start, rows.len());
         return Err(Error::input(format!(
@@ -93,7 +104,7 @@ pub fn tile<P: Pass>(
             rules.len()
         )));
     }
-    let bundles: Vec<(Vec<Vec<CompressedGroup>>, Rays)> = rows
+    let bundles: Vec<Bundle> = rows
         .clone()
         .into_par_iter()
         .step_by(BUNDLE_ROWS)
@@ -102,28 +113,52 @@ pub fn tile<P: Pass>(
             |room, start| {
                 let own = start..(start + BUNDLE_ROWS).min(rows.end);
                 let mut groups = vec![Vec::new(); *factors];
-                let rays = pass.bundle(own.clone(), room, &mut |factor, planes| {
+                let Made { rays, seen } = pass.bundle(own.clone(), room, &mut |factor, planes| {
                     let mut out = CompressedGroup::default();
                     compress_group(planes, bands, &rules[factor], &mut out)?;
                     groups[factor].push(out);
                     Ok(())
                 })?;
+                let sight = seen.zip(*texels).map(|(seen, size)| Encoded::new(&seen, size, rules[0].quantum));
+                if let Some(sight) = &sight {
+                    add_norms(&mut groups[0], sight, bands);
+                }
                 advance(own.len() as u64)?;
-                Ok((groups, rays))
+                Ok(Bundle { groups, sight, rays })
             },
         )
         .collect::<Result<_>>()?;
 
     let mut rays = Rays::default();
     let mut groups = vec![Vec::new(); *factors];
-    for (own, shot) in bundles {
-        rays = rays.plus(shot);
-        groups.iter_mut().zip(own).for_each(|(all, own)| all.extend(own));
+    let mut sights = Vec::new();
+    for bundle in bundles {
+        rays = rays.plus(bundle.rays);
+        groups.iter_mut().zip(bundle.groups).for_each(|(all, own)| all.extend(own));
+        sights.extend(bundle.sight);
     }
     let assemble = |(groups, rule): (&Vec<CompressedGroup>, &Truncation)| {
-        Tile::assemble(rows.len(), bands.columns(), *channels, rule.width, groups)
+        Tile::assemble(rows.len(), bands.stored(), *channels, rule.width, groups)
     };
-    Ok((groups.iter().zip(rules).map(assemble).collect(), rays))
+    let mut tiles: Vec<Tile> = groups.iter().zip(rules).map(assemble).collect();
+    tiles[0].sight = texels.map(|size| Sight::join(size, rules[0].quantum, &sights));
+    Ok((tiles, rays))
+}
+
+/// A finished bundle of a tile.
+struct Bundle {
+    groups: Vec<Vec<CompressedGroup>>,
+    sight: Option<Encoded>,
+    rays: Rays,
+}
+
+/// Writes the norms of texel columns, which are the last band, into the groups of a bundle.
+fn add_norms(groups: &mut [CompressedGroup], sight: &Encoded, bands: &Bands) {
+    for (row, [kept, dropped]) in sight.norms().enumerate() {
+        let place = (row % GROUP) * bands.count() + bands.count() - 1;
+        groups[row / GROUP].kept[place] = kept;
+        groups[row / GROUP].dropped[place] = dropped;
+    }
 }
 
 /// What a survey has seen of one factor.
@@ -142,6 +177,7 @@ struct Looked {
     /// The first group of each factor, untruncated, and its number.
     first: Vec<Option<CompressedGroup>>,
     group: usize,
+    seen: Option<Seen>,
     rays: Rays,
 }
 
@@ -160,7 +196,7 @@ pub fn survey<P: Pass>(
     rules: &[Truncation],
     advance: &Advance,
 ) -> Result<(Vec<Surveyed>, Rays)> {
-    let Shape { rows: total, bands, channels, factors } = pass.shape();
+    let Shape { rows: total, texels, bands, channels, factors } = pass.shape();
     let count = bundles.min(total.div_ceil(BUNDLE_ROWS));
     let lossless = rules.iter().map(|rule| rule.lossless(Width::I16)).collect::<Result<Vec<_>>>()?;
     let empty: Vec<Survey> = rules.iter().map(|rule| Survey::new(bands, rule)).collect();
@@ -171,7 +207,7 @@ pub fn survey<P: Pass>(
             |room, k| {
                 let rows = spread(pass, k, count);
                 let (mut surveys, mut first) = (empty.clone(), vec![None; *factors]);
-                let rays = pass.bundle(rows.clone(), room, &mut |factor, planes| {
+                let Made { rays, seen } = pass.bundle(rows.clone(), room, &mut |factor, planes| {
                     surveys[factor].add(planes)?;
                     if first[factor].is_none() {
                         let mut group = CompressedGroup::default();
@@ -181,7 +217,7 @@ pub fn survey<P: Pass>(
                     Ok(())
                 })?;
                 advance(rows.len() as u64)?;
-                Ok(Looked { surveys, first, group: rows.start / GROUP, rays })
+                Ok(Looked { surveys, first, group: rows.start / GROUP, seen, rays })
             },
         )
         .collect::<Result<_>>()?;
@@ -194,12 +230,33 @@ pub fn survey<P: Pass>(
         .collect();
     let of_factor = |(factor, mut survey): (usize, Survey)| {
         looked.iter().for_each(|bundle| survey.merge(&bundle.surveys[factor]));
-        let audited: Vec<CompressedGroup> = kept.iter().filter_map(|&k| looked[k].first[factor].clone()).collect();
-        let audit = Tile::assemble(audited.len() * GROUP, bands.columns(), *channels, Width::I16, &audited);
+        let mut audited: Vec<CompressedGroup> = kept.iter().filter_map(|&k| looked[k].first[factor].clone()).collect();
+        let sights = match texels {
+            Some(size) if factor == 0 => sights_of(&looked, &kept, *size, rules[0].quantum),
+            _ => Vec::new(),
+        };
+        audited.chunks_mut(BUNDLE_ROWS / GROUP).zip(&sights).for_each(|(own, sight)| add_norms(own, sight, bands));
+        let mut audit = Tile::assemble(audited.len() * GROUP, bands.stored(), *channels, Width::I16, &audited);
+        audit.sight = texels.filter(|_| factor == 0).map(|size| Sight::join(size, rules[0].quantum, &sights));
         Surveyed { survey, groups: kept.iter().map(|&k| looked[k].group as u32).collect(), audit }
     };
     let rays = looked.iter().fold(Rays::default(), |sum, bundle| sum.plus(bundle.rays));
     Ok((empty.into_iter().enumerate().map(of_factor).collect(), rays))
+}
+
+/// What the first groups of the bundles `kept` see, four groups a bundle.
+fn sights_of(looked: &[Looked], kept: &[usize], size: usize, quantum: i32) -> Vec<Encoded> {
+    let bundle = |four: &[usize]| {
+        let mut seen = Seen { normals: Vec::new(), open: vec![0; 6 * size * size] };
+        for (place, own) in four.iter().filter_map(|&k| looked[k].seen.as_ref()).enumerate() {
+            seen.normals.extend(&own.normals[..GROUP]);
+            for (open, own) in seen.open.iter_mut().zip(&own.open) {
+                *open |= (own & 0xffff) << (place * GROUP);
+            }
+        }
+        Encoded::new(&seen, size, quantum)
+    };
+    kept.chunks(BUNDLE_ROWS / GROUP).map(bundle).collect()
 }
 
 /// What a probe has found.
@@ -228,7 +285,7 @@ pub fn probe<P: Pass>(pass: &P, seconds: f64, rules: &[Truncation], advance: &Ad
                 let started = Instant::now();
                 let rows = spread(pass, k, count.min(all));
                 let mut group = CompressedGroup::default();
-                let rays = pass.bundle(rows, room, &mut |factor, planes| {
+                let Made { rays, .. } = pass.bundle(rows, room, &mut |factor, planes| {
                     compress_group(planes, &pass.shape().bands, &rules[factor], &mut group)
                 })?;
                 advance(0)?;

@@ -35,7 +35,7 @@ impl Projection {
     /// Refuses columns that are not a basis of light.
     pub fn new(space: ColumnSpace) -> Result<Self> {
         Ok(match space {
-            ColumnSpace::Haar { size } => {
+            ColumnSpace::Haar { size } | ColumnSpace::HaarTexels { size } => {
                 let haar = Haar::shared(size)?;
                 let factors = haar.roots().iter().map(|root| (root / PI) as f32).collect();
                 Projection { basis: Basis::Haar(haar), size, factors }

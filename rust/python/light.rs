@@ -80,10 +80,53 @@ fn environment_cubemap(py: Python<'_>, parts: Vec<Part>, size: usize) -> PyResul
 }
 
 /// Haar coefficients of the sum of the parts: (6 size^2, 3) float64. The part of a frame that chooses starts here.
+///
+/// With `peaks` the largest peaks of each part, so many at most, are left out of the wavelets, and coefficients of texels
+/// hold them: (12 size^2, 3).
 #[pyfunction]
-fn environment_coefficients(py: Python<'_>, parts: Vec<Part>, size: usize) -> PyResult<Bound<'_, PyArray2<f64>>> {
-    let coefficients = compute(py, || Ok(Haar::shared(size)?.forward(&resampled(&parts, size)?)))?;
+#[pyo3(signature = (parts, size, peaks = None))]
+fn environment_coefficients(
+    py: Python<'_>,
+    parts: Vec<Part>,
+    size: usize,
+    peaks: Option<usize>,
+) -> PyResult<Bound<'_, PyArray2<f64>>> {
+    let coefficients = compute(py, || {
+        let haar = Haar::shared(size)?;
+        let Some(peaks) = peaks else { return Ok(haar.forward(&resampled(&parts, size)?)) };
+        let mut radiance = vec![[0.0; 3]; 6 * size * size];
+        let mut texels = vec![[0.0; 3]; 6 * size * size];
+        for (weight, map, rotation) in &parts {
+            map.get().0.split(size, rotation, *weight, peaks, &mut radiance, &mut texels);
+        }
+        let mut coefficients = haar.forward(&radiance);
+        coefficients.append(&mut texels);
+        Ok(coefficients)
+    })?;
     table(py, coefficients)
+}
+
+/// The largest peaks of all parts, so many of each at most, for cubemaps of a size: directions and fluxes, (n, 3) float64.
+#[pyfunction]
+#[allow(clippy::type_complexity)]
+fn environment_peaks<'py>(
+    py: Python<'py>,
+    parts: Vec<Part>,
+    size: usize,
+    count: usize,
+) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray2<f64>>)> {
+    let (directions, fluxes) = compute(py, || {
+        Haar::shared(size)?;
+        let (mut directions, mut fluxes) = (Vec::new(), Vec::new());
+        for (weight, map, rotation) in &parts {
+            for peak in map.get().0.peaks(size, rotation, count) {
+                directions.push(peak.direction);
+                fluxes.push(peak.flux.map(|x| x * weight));
+            }
+        }
+        Ok((directions, fluxes))
+    })?;
+    Ok((table(py, directions)?, table(py, fluxes)?))
 }
 
 /// Radiance from unit directions (m, 3): (m, 3) float32, bilinear between the maps' own pixels.
@@ -148,6 +191,7 @@ pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<PyEnvironmentMap>()?;
     module.add_function(wrap_pyfunction!(environment_cubemap, module)?)?;
     module.add_function(wrap_pyfunction!(environment_coefficients, module)?)?;
+    module.add_function(wrap_pyfunction!(environment_peaks, module)?)?;
     module.add_function(wrap_pyfunction!(environment_radiance, module)?)?;
     module.add_function(wrap_pyfunction!(haar_coefficients, module)?)?;
     module.add_function(wrap_pyfunction!(haar_inverse, module)?)?;

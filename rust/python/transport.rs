@@ -19,6 +19,7 @@ use crate::transport::{
 };
 use crate::update::{Chain, Mix};
 
+use super::arrays::vectors;
 use super::pieces::{Link, TileData};
 use super::receivers::ReceiverTable;
 use super::{compute, interruptible};
@@ -96,9 +97,11 @@ impl Transport {
         })
     }
 
-    /// Compresses a dense array, (rows, columns) or (rows, columns, 3) of float64, in memory.
+    /// Compresses a dense array, (rows, columns) or (rows, columns, 3) of float64, in memory. Where some columns are texels
+    /// the array lacks them: `texels` is (unit normals (rows, 3) float32, whether open (rows, texels) bool).
     #[staticmethod]
-    #[pyo3(signature = (array, *, columns, tile_rows = 16384, width = "i16", quantum = -24, threshold = 0.0))]
+    #[pyo3(signature = (array, *, columns, tile_rows = 16384, width = "i16", quantum = -24, threshold = 0.0, texels = None))]
+    #[allow(clippy::too_many_arguments)]
     fn from_dense(
         py: Python<'_>,
         array: PyReadonlyArrayDyn<'_, f64>,
@@ -107,6 +110,7 @@ impl Transport {
         width: &str,
         quantum: i32,
         threshold: f64,
+        texels: Option<(PyReadonlyArray2<'_, f32>, PyReadonlyArray2<'_, bool>)>,
     ) -> PyResult<Self> {
         let (rows, width_of_array, channels) = match *array.shape() {
             [rows, columns] => (rows, columns, Channels::One),
@@ -119,9 +123,27 @@ impl Transport {
         let dense = Dense::with_channels(rows, width_of_array, channels, array.as_array().iter().copied().collect());
         let space: ColumnSpace = columns.parse()?;
         let width = width.parse()?;
+        let texels = texels.map(|(normals, open)| (vectors("normals", &normals), open.as_array().to_owned()));
+        let right = match &texels {
+            Some((normals, open)) => {
+                normals.as_ref().is_ok_and(|normals| normals.len() == rows)
+                    && open.dim() == (rows, space.bands().texels)
+            }
+            None => space.texels().is_none(),
+        };
+        if !right {
+            return Err(Error::input(format!(
+                "expected normals ({rows}, 3) and open ({rows}, {}) for {space}",
+                space.bands().texels
+            ))
+            .into());
+        }
         compute(py, || {
             let rule = Truncation::new(&space.bands(), threshold, quantum, width)?;
-            let matrix = dense.compress(space, &rule, tile_rows)?;
+            let mut matrix = dense.compress(space, &rule, tile_rows)?;
+            if let Some((normals, open)) = texels {
+                matrix = matrix.with_sight(&normals?, |row, texel| open[(row, texel)]);
+            }
             Ok(Transport::new(Product::one(Arc::new(matrix)), None))
         })
     }

@@ -134,7 +134,7 @@ impl Approximation {
     /// `starts`: the first column of every band, then the number of columns; `areas`: one a column.
     #[new]
     fn new(starts: Vec<usize>, areas: Vec<f64>, settings: &Settings) -> PyResult<Self> {
-        let bands = Bands { starts, areas, always: 0 };
+        let bands = Bands { starts, areas, always: 0, texels: 0 };
         Ok(Approximation { state: Mutex::new(update::Approximation::new(bands, settings.0.clone())?) })
     }
 

@@ -5,6 +5,7 @@ use crate::error::{Error, Result};
 
 use super::entry::{Channels, GROUP, MAX_TILE_ROWS, Rows16};
 use super::matrix::TransportMatrix;
+use super::sight::{BUNDLE, Encoded, Seen, Sight};
 use super::tile::{CompressedGroup, Tile};
 use super::truncate::{Truncation, compress_group};
 
@@ -64,8 +65,8 @@ impl Dense {
     /// Compresses by a rule, in memory. Values are taken as 32-bit floats, as a pass delivers them.
     pub fn compress(&self, space: ColumnSpace, rule: &Truncation, tile_rows: usize) -> Result<TransportMatrix> {
         let bands = space.bands();
-        if self.columns != bands.columns() {
-            let expected = bands.columns();
+        if self.columns != bands.stored() {
+            let expected = bands.stored();
             return Err(Error::input(format!("expected {expected} columns for {space}, got {}", self.columns)));
         }
         if tile_rows == 0 || tile_rows > MAX_TILE_ROWS || !tile_rows.is_multiple_of(GROUP) {
@@ -81,7 +82,7 @@ impl Dense {
                 let planes: Vec<&[Rows16]> = planes.iter().map(Vec::as_slice).collect();
                 compress_group(&planes, &bands, rule, &mut group).map(|()| group)
             });
-            Ok(Tile::assemble(rows, self.columns, self.channels, rule.width, &groups.collect::<Result<Vec<_>>>()?))
+            Ok(Tile::assemble(rows, bands.stored(), self.channels, rule.width, &groups.collect::<Result<Vec<_>>>()?))
         });
         let tiles = tiles.collect::<Result<_>>()?;
         let (rows, channels) = (self.rows, self.channels);
@@ -100,5 +101,31 @@ impl Dense {
             }
         }
         planes
+    }
+}
+
+impl TransportMatrix {
+    /// Gives a matrix made from numbers its texel columns: `normals` of its rows, and whether (row, texel) is open.
+    pub fn with_sight(mut self, normals: &[[f32; 3]], open: impl Fn(usize, usize) -> bool) -> TransportMatrix {
+        let (bands, quantum, tile_rows) = (&self.bands, self.quantum, self.tile_rows);
+        let size = self.space.texels().expect("a space with texels");
+        for (number, tile) in self.tiles.iter_mut().enumerate() {
+            let rows = number * tile_rows..number * tile_rows + tile.rows;
+            let bundle = |first: usize| {
+                let own = first..rows.end.min(first + BUNDLE);
+                let bits = |texel| own.clone().fold(0, |bits, row| bits | u64::from(open(row, texel)) << (row - first));
+                let seen = Seen { normals: normals[own.clone()].to_vec(), open: (0..bands.texels).map(bits).collect() };
+                Encoded::new(&seen, size, quantum)
+            };
+            let parts: Vec<Encoded> = rows.clone().step_by(BUNDLE).map(bundle).collect();
+            let (mut kept, mut dropped) = (tile.kept.to_vec(), tile.dropped.to_vec());
+            for (row, norms) in parts.iter().flat_map(Encoded::norms).enumerate() {
+                let place = (row + 1) * bands.count() - 1;
+                (kept[place], dropped[place]) = (norms[0], norms[1]);
+            }
+            (tile.kept, tile.dropped) = (kept.into(), dropped.into());
+            tile.sight = Some(Sight::join(size, quantum, &parts));
+        }
+        self
     }
 }

@@ -9,6 +9,7 @@ use crate::basis::{Bands, ColumnSpace};
 use crate::error::Result;
 
 use super::entry::{Channels, GROUP, Rows16, bf16, group_of};
+use super::sight::texel_columns;
 use super::tile::Tile;
 use super::truncate::Truncation;
 
@@ -71,12 +72,20 @@ impl TransportMatrix {
                 }
             }
         }
+        if let Some(sight) = &tile.sight {
+            let texels = texel_columns(sight.size);
+            let values = dense[self.bands.stored()..].iter_mut().zip(texels.iter()).enumerate();
+            values.for_each(|(texel, (value, column))| {
+                *value = sight.lanes(group, texel, column)[lane];
+            });
+        }
         dense
     }
 
     /// A copy of one channel by rows, without the zeros that groups hold.
     pub fn to_csr(&self, channel: usize) -> Csr {
-        let parts: Vec<Csr> = self.tiles.par_iter().map(|tile| tile.to_csr(channel, self.quantum)).collect();
+        let texels = self.bands.stored();
+        let parts: Vec<Csr> = self.tiles.par_iter().map(|tile| tile.to_csr(channel, texels, self.quantum)).collect();
         let entries = parts.iter().map(|part| part.data.len()).sum();
         let mut all = Csr {
             indptr: Vec::with_capacity(self.rows + 1),
@@ -120,7 +129,7 @@ impl TransportMatrix {
         norms
     }
 
-    /// Groups stored for each column: what it costs to stream it.
+    /// Groups that each column touches: what it costs to stream it.
     pub fn column_entries(&self) -> Vec<u32> {
         let mut entries = vec![0; self.bands.columns()];
         for tile in &self.tiles {
@@ -128,6 +137,11 @@ impl TransportMatrix {
                 *count += range[1] - range[0];
             }
         }
+        // Down each texel, tile after tile.
+        let texels = entries[self.bands.stored()..].par_iter_mut().enumerate();
+        texels.for_each(|(texel, count)| {
+            *count = self.tiles.iter().flat_map(|tile| &tile.sight).map(|sight| sight.groups_at(texel)).sum();
+        });
         entries
     }
 
@@ -161,10 +175,18 @@ impl TransportMatrix {
         results.par_chunks_mut((COLUMNS * k).max(1)).enumerate().for_each(|(chunk, results)| {
             for (number, tile) in self.tiles.iter().enumerate() {
                 for (column, out) in (chunk * COLUMNS..).zip(results.chunks_mut(k)) {
-                    for entry in tile.starts[column] as usize..tile.starts[column + 1] as usize {
+                    for entry in tile.entries(column) {
                         let row = number * self.tile_rows + group_of(tile.words[entry]) * GROUP;
                         for channel in 0..self.channels.count() {
                             add(row, channel, &tile.lanes(entry, channel, self.quantum), out);
+                        }
+                    }
+                    let texel = tile.sight.as_ref().zip(column.checked_sub(self.bands.stored()));
+                    if let Some((sight, texel)) = texel {
+                        let of = &texel_columns(sight.size)[texel];
+                        for group in (0..tile.groups()).filter(|&group| sight.open(group, texel) != 0) {
+                            let row = number * self.tile_rows + group * GROUP;
+                            add(row, 0, &sight.lanes(group, texel, of), out);
                         }
                     }
                 }
@@ -174,16 +196,23 @@ impl TransportMatrix {
 }
 
 impl Tile {
-    fn to_csr(&self, channel: usize, quantum: i32) -> Csr {
+    /// `texels`: the number of the first texel column.
+    fn to_csr(&self, channel: usize, texels: usize, quantum: i32) -> Csr {
         let (starts, entries) = self.by_group();
         let mut csr = Csr { indptr: vec![0], indices: Vec::new(), data: Vec::new() };
-        for group in starts.windows(2).map(|range| &entries[range[0] as usize..range[1] as usize]) {
-            let lanes: Vec<Rows16> =
-                group.iter().map(|&(_, entry)| self.lanes(entry as usize, channel, quantum)).collect();
+        for (number, range) in starts.windows(2).enumerate() {
+            let group = &entries[range[0] as usize..range[1] as usize];
+            let mut lanes: Vec<(u32, Rows16)> =
+                group.iter().map(|&(column, entry)| (column, self.lanes(entry as usize, channel, quantum))).collect();
+            if let Some(sight) = &self.sight {
+                let seen = texel_columns(sight.size);
+                let seen = seen.iter().enumerate().filter(|(texel, _)| sight.open(number, *texel) != 0);
+                lanes.extend(seen.map(|(texel, of)| ((texels + texel) as u32, sight.lanes(number, texel, of))));
+            }
             for lane in 0..GROUP.min(self.rows + 1 - csr.indptr.len()) {
-                for (&(column, _), values) in group.iter().zip(&lanes) {
+                for (column, values) in &lanes {
                     if values[lane] != 0.0 {
-                        csr.indices.push(column as i32);
+                        csr.indices.push(*column as i32);
                         csr.data.push(values[lane]);
                     }
                 }

@@ -1,6 +1,6 @@
 //! Receivers: what the rows of M are.
 
-use super::tile::Slab;
+use super::slab::Slab;
 
 /// The rows of M: surface points, and what they stand for.
 #[derive(Clone)]

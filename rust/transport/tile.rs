@@ -12,47 +12,13 @@
 //! with one `quantum` for the whole matrix. All values of M are thus integers times 2^quantum: sums of such values with
 //! coefficients from a dyadic grid are exact in f64, in any order (`update/multiplying/grid.rs`).
 
-use std::ops::Deref;
-use std::sync::Arc;
+use std::ops::Range;
 
 use crate::error::Result;
 
 use super::entry::{Channels, GROUP, GROUP_BITS, MAX_TILE_ROWS, Rows16, Width, group_of, power_of_two, shift_of};
-
-/// A slice that is either owned or a view of a mapped file, which it keeps alive.
-#[derive(Clone)]
-pub enum Slab<T: 'static> {
-    /// Items in memory, shared by all copies.
-    Owned(Arc<[T]>),
-    /// INVARIANT: `len` items from byte `start` on lie inside the map and are aligned for T.
-    Mapped {
-        /// The file, which stays mapped.
-        map: Arc<memmap2::Mmap>,
-        /// The first byte, counted from the start of the map.
-        start: usize,
-        /// Items, not bytes.
-        len: usize,
-    },
-}
-
-impl<T: bytemuck::Pod> Deref for Slab<T> {
-    type Target = [T];
-
-    fn deref(&self) -> &[T] {
-        match self {
-            Slab::Owned(items) => items,
-            Slab::Mapped { map, start, len } => {
-                bytemuck::cast_slice(&map[*start..*start + *len * std::mem::size_of::<T>()])
-            }
-        }
-    }
-}
-
-impl<T> From<Vec<T>> for Slab<T> {
-    fn from(items: Vec<T>) -> Self {
-        Slab::Owned(items.into())
-    }
-}
+use super::sight::Sight;
+use super::slab::Slab;
 
 /// The integers of a tile, 16 for each entry and channel. Eight bits are enough for images; sixteen serve untruncated
 /// transport.
@@ -71,7 +37,7 @@ pub struct Tile {
     pub rows: usize,
     /// One number for all colours, or one each.
     pub channels: Channels,
-    /// Entries of column j are `starts[j]..starts[j + 1]`; the length is columns + 1.
+    /// Entries of column j are `starts[j]..starts[j + 1]`; the length is columns + 1, texels not counted.
     pub starts: Slab<u32>,
     /// For each entry: group number | shift << 10. Inside a column the group numbers ascend.
     pub words: Slab<u16>,
@@ -81,9 +47,25 @@ pub struct Tile {
     pub kept: Slab<u16>,
     /// Norm of what truncation and rounding took from each row in each band, likewise.
     pub dropped: Slab<u16>,
+    /// The bits of texel columns, where there are any; then there is one channel.
+    pub sight: Option<Sight>,
 }
 
 impl Tile {
+    /// The columns that have entries: those after them are texels.
+    pub fn columns(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// The entries of a column; none of a texel's.
+    #[inline(always)]
+    pub fn entries(&self, column: usize) -> Range<usize> {
+        match self.starts.get(column + 1) {
+            Some(&end) => self.starts[column] as usize..end as usize,
+            None => 0..0,
+        }
+    }
+
     /// Groups of 16 rows, of which the last may be padded.
     pub fn groups(&self) -> usize {
         self.rows.div_ceil(GROUP)
@@ -96,7 +78,7 @@ impl Tile {
             Values::I16(values) => 2 * values.len(),
         };
         let halves: usize = [&self.words, &self.kept, &self.dropped].map(|slab: &Slab<u16>| slab.len()).iter().sum();
-        4 * self.starts.len() + 2 * halves + values
+        4 * self.starts.len() + 2 * halves + values + self.sight.as_ref().map_or(0, Sight::nbytes)
     }
 }
 
@@ -166,6 +148,7 @@ impl Tile {
             values: if width == Width::I16 { Values::I16(wide.into()) } else { Values::I8(narrow.into()) },
             kept: norms(|group| &group.kept),
             dropped: norms(|group| &group.dropped),
+            sight: None,
         }
     }
 }

@@ -81,9 +81,9 @@ impl Truncation {
     }
 }
 
-/// The light prior: the roots of the columns' areas.
+/// The light prior: the roots of the areas of the columns that have entries.
 pub fn area_weights(bands: &Bands) -> Vec<f64> {
-    bands.areas.iter().map(|area| area.sqrt()).collect()
+    bands.areas[..bands.stored()].iter().map(|area| area.sqrt()).collect()
 }
 
 /// Compresses 16 rows: `planes[c][j]` is column j of channel c. `out` is emptied first and keeps its memory.
@@ -159,7 +159,9 @@ fn compress_with<K: Kernel, const C: usize>(
     least: i32,
     out: &mut CompressedGroup,
 ) -> Result<f64> {
-    assert!(planes.iter().all(|plane| plane.len() == bands.columns()) && rule.limits.len() == bands.columns());
+    // Texels have no entries, and their band's norms come with their bits (`sight.rs`).
+    let stored = bands.stored();
+    assert!(planes.iter().all(|plane| plane.len() == stored) && rule.limits.len() == stored);
     out.columns.clear();
     out.shifts.clear();
     out.values.clear();
@@ -173,6 +175,9 @@ fn compress_with<K: Kernel, const C: usize>(
     for band in 0..count {
         let mut norms = Norms::<C>::default();
         let range = bands.range(band);
+        if range.start >= stored && bands.texels > 0 {
+            continue;
+        }
         // What is always kept is a block of its own.
         let head = bands.always.clamp(range.start, range.end);
         for part in [range.start..head, head..range.end] {
@@ -287,18 +292,32 @@ impl Tile {
     /// This tile under a coarser rule. Its stated losses hold against the original rows: they add up by the triangle
     /// inequality, since an entry that is rounded twice need not lose at right angles.
     pub fn retruncate(&self, bands: &Bands, quantum: i32, rule: &Truncation) -> Result<Tile> {
+        if self.sight.is_some() && rule.quantum != quantum {
+            return Err(Error::input(format!(
+                "expected the quantum {quantum} that the texel columns are rounded to, got {}",
+                rule.quantum
+            )));
+        }
         let norms = GROUP * bands.count() * self.channels.count();
         let mut groups = Vec::with_capacity(self.groups());
-        self.for_each_group(bands.columns(), quantum, |group, planes| {
+        self.for_each_group(bands.stored(), quantum, |group, planes| {
             let mut out = CompressedGroup::default();
             compress_group(planes, bands, rule, &mut out)?;
             let before = &self.dropped[group * norms..];
             for (now, &earlier) in out.dropped.iter_mut().zip(before) {
                 *now = bf16_up(f64::from(bf16(*now)) + f64::from(bf16(earlier)));
             }
+            if self.sight.is_some() {
+                // What texels hold stays as it is.
+                let place = |place: usize| place % bands.count() == bands.count() - 1;
+                let before = self.kept[group * norms..].iter();
+                let own = out.kept.iter_mut().zip(before).enumerate().filter(|(at, _)| place(*at));
+                own.for_each(|(_, (now, &before))| *now = before);
+            }
             groups.push(out);
             Ok(())
         })?;
-        Ok(Tile::assemble(self.rows, bands.columns(), self.channels, rule.width, &groups))
+        let tile = Tile::assemble(self.rows, bands.stored(), self.channels, rule.width, &groups);
+        Ok(Tile { sight: self.sight.clone(), ..tile })
     }
 }

@@ -9,7 +9,7 @@
 
 use crate::error::{Error, Result};
 
-use super::tile::Slab;
+use super::slab::Slab;
 
 /// `rows` x `nodes` weights, row by row: integers times 2^exponent.
 #[derive(Clone)]

@@ -182,11 +182,45 @@ def representatives(columns, rng) -> Form:
     return Form(transport, lambda V: sum(mix[:, k, None] * (W @ (P @ V)) for k, (P, W) in enumerate(pairs)), mix, True)
 
 
+def texels(columns, rng, **options) -> Form:
+    """Wavelets, and texels that rows see or do not: a column by its definition, cos / pi times the root of its area."""
+    columns = dl.Haar(8, texels=True)
+    normals = rng.normal(size=(ROWS, 3))
+    normals = (normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32)
+    open_ = rng.random((ROWS, 384)) < 0.5
+    open_[:, :100], open_[:, 200:290] = True, False
+    areas, directions = texel_areas(8), texel_directions(8)
+    N = open_ * np.maximum(normals.astype(np.float64) @ directions.T, 0) / np.pi * np.sqrt(areas)
+    M = dense(rng, 384)
+    core = stored(M, columns, texels=(normals, open_), **options)
+    return Form(dl.Transport(core), lambda V: M @ V[:384] + N @ V[384:])
+
+
+def texel_directions(n: int) -> np.ndarray:
+    """Unit directions of texel centres, row-major, face after face: (6 n^2, 3)."""
+    at = (2 * np.arange(n) + 1) / n - 1
+    t, s = np.meshgrid(at, at, indexing="ij")
+    one = np.ones_like(s)
+    faces = [(one, -t, -s), (-one, -t, s), (s, one, t), (s, -one, -t), (s, -t, one), (-s, -t, -one)]
+    points = np.stack([np.stack(face, -1) for face in faces]).reshape(-1, 3)
+    return points / np.linalg.norm(points, axis=1, keepdims=True)
+
+
+def texel_areas(n: int) -> np.ndarray:
+    """Solid angles of the texels, from the antiderivative at their corners: (6 n^2,)."""
+    edge = 2 * np.arange(n + 1) / n - 1
+    x, y = np.meshgrid(edge, edge)
+    corner = np.arctan2(x * y, np.sqrt(x * x + y * y + 1))
+    return np.tile((corner[1:, 1:] + corner[:-1, :-1] - corner[1:, :-1] - corner[:-1, 1:]).ravel(), 6)
+
+
 # A new form of storage joins by one line.
 FORMS: dict[str, Callable[..., Form]] = {
     "i16": lambda columns, rng: one(columns, rng, width="i16"),
     "i8": lambda columns, rng: one(columns, rng, width="i8"),
     "truncated": lambda columns, rng: one(columns, rng, width="i8", threshold=0.02),
+    "texels": texels,
+    "texels-truncated": lambda columns, rng: texels(columns, rng, width="i8", threshold=0.02),
     "long-rows": long_rows,
     "three-channels": three_channels,
     "factors": factors,

@@ -8,5 +8,6 @@ mod light;
 mod pass;
 mod response;
 mod scene;
+mod sight;
 mod suite;
 mod transport;

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use _core::basis::ColumnSpace;
 use _core::error::{Error, Result};
-use _core::precompute::{Pass, Rays, Shape, pass::Take, probe, survey, tile};
+use _core::precompute::{Made, Pass, Rays, Shape, pass::Take, probe, survey, tile};
 use _core::transport::{Channels, Dense, GROUP, Rows16, Survey, TransportMatrix, Truncation, Width};
 use proptest::prelude::*;
 
@@ -25,19 +25,19 @@ impl Pass for Ready {
 
     fn room(&self) {}
 
-    fn bundle(&self, rows: Range<usize>, _: &mut (), take: &mut Take) -> Result<Rays> {
+    fn bundle(&self, rows: Range<usize>, _: &mut (), take: &mut Take) -> Result<Made> {
         for group in rows.clone().step_by(GROUP) {
             for (factor, dense) in self.factors.iter().enumerate() {
                 let planes = dense.planes(group);
                 take(factor, &planes.iter().map(Vec::as_slice).collect::<Vec<&[Rows16]>>())?;
             }
         }
-        Ok(Rays { first: rows.len() as u64, ..Rays::default() })
+        Ok(Made { rays: Rays { first: rows.len() as u64, ..Rays::default() }, seen: None })
     }
 }
 
 fn ready(space: ColumnSpace, rows: usize, channels: Channels, factors: usize, seed: u64) -> Ready {
-    let shape = Shape { rows, bands: space.bands(), channels, factors };
+    let shape = Shape { rows, texels: None, bands: space.bands(), channels, factors };
     let factors = (0..factors as u64).map(|k| random_dense(space, rows, channels, seed.wrapping_add(k))).collect();
     Ready { shape, factors }
 }

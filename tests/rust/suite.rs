@@ -50,6 +50,8 @@ const FORMS: &[(&str, Make)] = &[
             ..one(dense.compress(space, &rule(space, 0.0, Width::I16), 32).unwrap())
         }
     }),
+    ("texels", |_| texels(0.0)),
+    ("texels, truncated", |_| texels(0.05)),
     ("three channels", |space| one(matrix(space, ROWS, Channels::Three, 3, Width::I8))),
     ("factors", |space| {
         let each: Vec<_> = (4..7).map(|seed| Arc::new(matrix(space, ROWS, Channels::One, seed, Width::I8))).collect();
@@ -127,6 +129,45 @@ const FORMS: &[(&str, Make)] = &[
         mixed(product, move |light| pairs.iter().map(|(first, then)| then(&first(light))).collect())
     }),
 ];
+
+/// Wavelets and texels: what rows see is random, a third of them see all or nothing of a block, and one has no normal.
+fn texels(threshold: f64) -> Form {
+    let space = ColumnSpace::haar_texels(4).unwrap();
+    let wavelets = random_dense(ColumnSpace::haar(4).unwrap(), ROWS, Channels::One, 24);
+    let mut random = noise(25);
+    let mut normals: Vec<[f32; 3]> = Vec::new();
+    for row in 0..ROWS {
+        let n: [f64; 3] = std::array::from_fn(|_| random());
+        let length = n.iter().map(|x| x * x).sum::<f64>().sqrt();
+        normals.push(if row == 5 { [0.0; 3] } else { n.map(|x| (x / length) as f32) });
+    }
+    let open: Vec<bool> = (0..ROWS * 96)
+        .map(|k| match k % 96 / 16 {
+            0 => true,
+            1 => false,
+            _ => random() > 0.0,
+        })
+        .collect();
+    let rule = rule(space, threshold, Width::I8);
+    let matrix = wavelets.compress(space, &rule, 32).unwrap().with_sight(&normals, |row, texel| open[row * 96 + texel]);
+    let areas = _core::basis::cubemap::solid_angles(4);
+    let oracle = plain(wavelets);
+    Form {
+        oracle: Box::new(move |light| {
+            let mut sums = oracle(&light[..96]);
+            for (row, texel) in (0..ROWS).flat_map(|row| (0..96).map(move |texel| (row, texel))) {
+                let d = _core::basis::cubemap::texel_direction(4, texel / 16, texel / 4 % 4, texel % 4);
+                let cosine: f64 = (0..3).map(|k| f64::from(normals[row][k]) * d[k]).sum();
+                if open[row * 96 + texel] {
+                    let value = cosine.max(0.0) / std::f64::consts::PI * areas[texel % 16].sqrt();
+                    (0..3).for_each(|c| sums[row][c] += value * light[96 + texel][c]);
+                }
+            }
+            sums
+        }),
+        ..one(matrix)
+    }
+}
 
 /// What a matrix holds, as a plain product.
 fn dense(matrix: &TransportMatrix) -> impl Fn(&[[f64; 3]]) -> Vec<[f64; 3]> + 'static {

@@ -15,6 +15,7 @@ fn bands() -> Bands {
         starts: vec![0, 6, 12, 24, 44],
         areas: areas.iter().flat_map(|&(n, area)| vec![area; n]).collect(),
         always: 0,
+        texels: 0,
     }
 }
 
@@ -344,7 +345,7 @@ fn linear_keeps_the_first_columns() {
 /// 256 coefficients and 30 a frame: exact in ceil(256 / 30) = 9 frames (Overbeck 2006, section 4.2), not in 8.
 #[test]
 fn nine_frames() {
-    let bands = Bands { starts: vec![0, 256], areas: vec![1.0; 256], always: 0 };
+    let bands = Bands { starts: vec![0, 256], areas: vec![1.0; 256], always: 0, texels: 0 };
     let target: Light = (0..256).map(|j| [1.0 / (j + 1) as f64, 0.3, -(j as f64)]).collect();
     let settings = Settings { weights: vec![1.0; 256], ..joint(Method::Incremental, Budget::Terms(30)) };
     let mut follow = Approximation::new(bands, settings).unwrap();
@@ -361,7 +362,7 @@ fn nine_frames() {
 /// largest takes 22 - 6 = 16 off, its largest change 16 as well: of equals the increment stays.
 #[test]
 fn two_bands_by_hand() {
-    let bands = Bands { starts: vec![0, 2, 4], areas: vec![1.0; 4], always: 0 };
+    let bands = Bands { starts: vec![0, 2, 4], areas: vec![1.0; 4], always: 0, texels: 0 };
     let gray = |x: [f64; 4]| x.map(|x| [x, 0.0, 0.0]).to_vec();
     let (copy, target) = (gray([5.0, 0.0, -8.0, 0.0]), gray([4.0, 1.0, 8.0, 6.0]));
     let after = |test, terms| {
@@ -382,7 +383,7 @@ fn two_bands_by_hand() {
 /// gets none keeps its values.
 #[test]
 fn harmonics_fill_low_bands_first() {
-    let bands = Bands { starts: vec![0, 1, 4], areas: vec![1.0; 4], always: 0 };
+    let bands = Bands { starts: vec![0, 1, 4], areas: vec![1.0; 4], always: 0, texels: 0 };
     let gray = |x: [f64; 4]| x.map(|x| [x, 0.0, 0.0]).to_vec();
     let target = gray([1.0, 100.0, 50.0, 2.0]);
     let after = |tolerance, terms| {
@@ -405,7 +406,7 @@ fn harmonics_fill_low_bands_first() {
 /// costs 3, and puts the light into the columns that it takes out. What is left pays for the first band.
 #[test]
 fn resets_cost_what_they_stream() {
-    let bands = Bands { starts: vec![0, 2, 5], areas: vec![1.0; 5], always: 0 };
+    let bands = Bands { starts: vec![0, 2, 5], areas: vec![1.0; 5], always: 0, texels: 0 };
     let gray = |x: [f64; 5]| x.map(|x| [x, 0.0, 0.0]).to_vec();
     let (copy, target) = (gray([5.0, 0.0, -8.0, -7.0, -1.0]), gray([4.0, 1.0, 8.0, 6.0, 0.0]));
     let after = |test, cost| {
@@ -490,7 +491,7 @@ fn settings_are_checked() {
     let tolerated = |factors| Budget::Error { tolerance: 0.1, factors };
     refused(bands(), joint(Method::Incremental, tolerated(vec![1.0; 3])));
     refused(bands(), joint(Method::HarmonicOrder { tolerance: f64::NAN }, Budget::Terms(1)));
-    let many = Bands { starts: (0..=13).collect(), areas: vec![1.0; 13], always: 0 };
+    let many = Bands { starts: (0..=13).collect(), areas: vec![1.0; 13], always: 0, texels: 0 };
     refused(many, Settings { weights: vec![1.0; 13], ..good.clone() });
     for starts in [vec![], vec![0], vec![0, 12, 6, 24, 44], vec![1, 6, 44], vec![0, 6, 12, 24, 43]] {
         refused(Bands { starts, ..bands() }, good.clone());

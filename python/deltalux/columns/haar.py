@@ -11,10 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._core import column_bands
-from ..checks import read_only
+from ..checks import count, read_only
 
 if TYPE_CHECKING:
     from ..light.environment import Environment
+
+PEAKS = 64
+"""Peaks of a map that are sent through texels, where nothing else is said."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +30,9 @@ class Haar:
     ----------
     size
         Texels along an edge of a face: a power of two, at most 512.
+    texels
+        Whether the texels themselves follow as columns, in one band more. Then suns and lamps are taken out of the
+        wavelets, and go through transport that is not truncated.
 
     Raises
     ------
@@ -35,6 +41,7 @@ class Haar:
     """
 
     size: int
+    texels: bool = False
 
     def __post_init__(self) -> None:
         try:
@@ -46,12 +53,12 @@ class Haar:
         column_bands(str(self))
 
     def __str__(self) -> str:
-        return f"haar:{self.size}"
+        return f"haar:{self.size}+texels" if self.texels else f"haar:{self.size}"
 
     @property
     def columns(self) -> int:
-        """How many columns there are: 6 size^2."""
-        return 6 * self.size**2
+        """How many columns there are: 6 size^2, and as many texels."""
+        return (12 if self.texels else 6) * self.size**2
 
     @property
     def face(self) -> int:
@@ -64,41 +71,55 @@ class Haar:
     @property
     def bands(self) -> NDArray[np.intp]:
         """The band of every column, 0 the coarsest: (columns,), ascending, read-only."""
-        return _bands_and_areas(self.size)[0]
+        return _bands_and_areas(str(self))[0]
 
     @property
     def areas(self) -> NDArray[np.float64]:
         """Texels under the support of every column: (columns,) float64, read-only."""
-        return _bands_and_areas(self.size)[1]
+        return _bands_and_areas(str(self))[1]
 
     @cached_property
     def band_names(self) -> tuple[str, ...]:
         """Each band by the texels under its wavelets, as the papers name them; coarse to fine."""
-        return tuple(f"{(self.size >> band) ** 2:,}" for band in range(int(self.bands[-1]) + 1))
+        wavelets = int(self.bands[-1]) + (not self.texels)
+        names = (f"{(self.size >> band) ** 2:,}" for band in range(wavelets))
+        return (*names, "texels") if self.texels else tuple(names)
 
     @property
     def band_label(self) -> str:
         """What the names of bands are, as the label of an axis."""
         return "Texels under a wavelet"
 
-    def coefficients(self, env: Environment) -> NDArray[np.float64]:
+    def coefficients(self, env: Environment, peaks: int | None = None) -> NDArray[np.float64]:
         """V: what the environment's radiance is in these columns.
 
         Parameters
         ----------
         env
             The light; averaged over the texels of the cubemap first.
+        peaks
+            Where there are texels: so many of each map's largest peaks, at most, are sent through them
+            (`Environment.peaks`); None: 64.
 
         Returns
         -------
         (columns, 3) float64
             The integral over the sphere of radiance times the orthonormal wavelet; its square sums to the integral of
-            the squared radiance.
+            the squared radiance. In texels: radiance times the root of the solid angle, of the peaks alone.
+
+        Raises
+        ------
+        ValueError
+            If the number of peaks is negative, or there are no texels to send peaks through.
         """
-        return env._haar(self.size)
+        if not self.texels:
+            if peaks is not None:
+                raise ValueError(f"expected columns with texels to send peaks through, got {self}")
+            return env._haar(self.size)
+        return env._haar(self.size, PEAKS if peaks is None else count("peaks", peaks))
 
 
 @cache
-def _bands_and_areas(size: int) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    starts, areas = column_bands(f"haar:{size}")
+def _bands_and_areas(name: str) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    starts, areas = column_bands(name)
     return read_only(np.repeat(np.arange(len(starts) - 1), np.diff(starts))), read_only(areas)

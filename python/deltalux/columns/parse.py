@@ -17,7 +17,7 @@ def parse(text: str) -> Columns:
     Parameters
     ----------
     text
-        Such as ``"haar:64"`` or ``"sh:20"``.
+        Such as ``"haar:64"``, ``"haar:64+texels"`` or ``"sh:20"``.
 
     Returns
     -------
@@ -30,6 +30,8 @@ def parse(text: str) -> Columns:
         If the text names no columns.
     """
     kind, _, number = text.partition(":")
+    texels = kind == "haar" and number.endswith("+texels")
+    number = number.removesuffix("+texels") if texels else number
     if kind not in ("haar", "sh") or not (number.isascii() and number.isdigit()):
-        raise ValueError(f'expected columns like "haar:64" or "sh:20", got {text!r}')
-    return Haar(int(number)) if kind == "haar" else SphericalHarmonics(int(number))
+        raise ValueError(f'expected columns like "haar:64", "haar:64+texels" or "sh:20", got {text!r}')
+    return Haar(int(number), texels) if kind == "haar" else SphericalHarmonics(int(number))

@@ -7,6 +7,7 @@ import operator
 import os
 import warnings
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -16,9 +17,11 @@ from .._core import (
     EnvironmentMap,
     environment_coefficients,
     environment_cubemap,
+    environment_peaks,
     environment_radiance,
     harmonic_coefficients,
 )
+from ..checks import Vector, as_vector, count
 from ..io import load_image
 from ..rotation import IDENTITY, Matrix, as_matrix, rotation_matrix, unit_directions
 from . import layouts, skies
@@ -29,6 +32,22 @@ _Layer = tuple[float, EnvironmentMap, Matrix]
 _LARGEST_HALF = 65504.0
 # The core's own limit, which it keeps as well.
 _LARGEST_FACE = 2048
+
+
+@dataclass(frozen=True)
+class Peak:
+    """A small bright light of an environment.
+
+    Attributes
+    ----------
+    direction
+        Towards it, of length 1.
+    flux
+        Its radiance times its solid angle in red, green and blue: the irradiance of a surface that faces it.
+    """
+
+    direction: Vector
+    flux: Vector
 
 
 class Environment:
@@ -294,6 +313,33 @@ class Environment:
         cubemap: NDArray[np.float32] = environment_cubemap(self._layers, size)
         return cubemap
 
+    def peaks(self, k: int = 64, size: int = 64) -> list[Peak]:
+        """Suns and lamps: the small bright lights that columns with texels take out of the wavelets.
+
+        They are found once for each map, in what of it lies above four times its mean, and turn with it. What is smaller
+        than a texel is one peak; a window is as many as it covers texels. A peak below 0.02 % of the map's flux is none.
+
+        Parameters
+        ----------
+        k
+            How many of each map of a blend, at most; there are never more than 256.
+        size
+            Texels along a face of the cubemap: how near lights are one.
+
+        Returns
+        -------
+        list of Peak
+            The largest first.
+
+        Raises
+        ------
+        ValueError
+            If a number is no whole one, or the size no power of two up to 512.
+        """
+        directions, fluxes = environment_peaks(self._layers, count("size", size), count("k", k))
+        order = np.argsort(-np.abs(fluxes).max(axis=1, initial=0.0), kind="stable")
+        return [Peak(as_vector(directions[i]), as_vector(fluxes[i])) for i in order]
+
     def radiance(self, directions: ArrayLike) -> NDArray[np.float32]:
         """Radiance from directions: what a camera sees behind the scene.
 
@@ -318,9 +364,9 @@ class Environment:
 
     # Light projects itself: columns ask for these two, and know nothing of maps and turns.
 
-    def _haar(self, size: int) -> NDArray[np.float64]:
-        """`Haar.coefficients`: what the light is in wavelets on faces of `size` x `size` texels."""
-        return environment_coefficients(self._layers, size)
+    def _haar(self, size: int, peaks: int | None = None) -> NDArray[np.float64]:
+        """`Haar.coefficients`: what the light is in wavelets on faces of `size` x `size` texels, and peaks in texels."""
+        return environment_coefficients(self._layers, size, peaks)
 
     def _harmonics(self, order: int) -> NDArray[np.float64]:
         """`SphericalHarmonics.coefficients`: what the light is in harmonics of the degrees below `order`."""

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from .._core import FileError
 from .._core import Transport as CoreTransport
 from ..camera import Camera
+from ..columns.haar import Haar
 from ..columns.inner import AnyColumns, parse_any
 from .entry import GROUP
 from .plan import Plan
@@ -151,19 +152,32 @@ class Transport:
             raise ValueError(f"expected a transport of pixels for a picture, but its rows are {self.receivers.kind}")
         return self.receivers
 
-    def coefficients(self, env: Environment) -> NDArray[np.float64]:
+    def coefficients(self, env: Environment, peaks: int | None = None) -> NDArray[np.float64]:
         """V: an environment in the columns of M.
 
         Parameters
         ----------
         env
             The light.
+        peaks
+            Where some columns are texels: so many suns and lamps of each map go through them, at most
+            (`Environment.peaks`); None: 64.
 
         Returns
         -------
         (columns, 3) float64
+
+        Raises
+        ------
+        ValueError
+            If peaks are asked of columns without texels, or their number is negative.
         """
-        return self.columns.coefficients(env)
+        columns = self.columns
+        if peaks is None:
+            return columns.coefficients(env)
+        if not isinstance(columns, Haar):
+            raise ValueError(f"expected columns with texels to send peaks through, got {columns}")
+        return columns.coefficients(env, peaks)
 
     def multiply(self, V: ArrayLike, *, mix: ArrayLike | None = None) -> NDArray[np.float32]:
         """B = M V, the exact product in one go.

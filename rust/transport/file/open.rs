@@ -20,7 +20,9 @@ use crate::transport::entry::{Channels, GROUP, MAX_TILE_ROWS, Width, group_of, m
 use crate::transport::matrix::TransportMatrix;
 use crate::transport::product::Product;
 use crate::transport::receivers::ReceiverTable;
-use crate::transport::tile::{Slab, Tile, Values};
+use crate::transport::sight::{BUNDLE, Sight, blocks_of};
+use crate::transport::slab::Slab;
+use crate::transport::tile::{Tile, Values};
 
 /// Untruncated sample groups of the first part: what truncation can be measured against.
 #[derive(Clone)]
@@ -49,6 +51,10 @@ pub fn open(directory: &Path) -> Result<Opened> {
     let manifest_error = |error: Error| Error::file(&directory.join(MANIFEST), error.to_string());
     let (of_parts, others) = manifest.files_by_kind();
 
+    // Texel columns take their cosines from the normals of the receivers.
+    let receivers = receivers::read(&Shard::open(directory, &others[0])?, &manifest)?;
+    check_texels(&manifest).map_err(manifest_error)?;
+
     // The tiles of all shards, verified in parallel; the first error in file order is told.
     let parts = manifest.parts.iter().zip(of_parts);
     let shards =
@@ -56,7 +62,7 @@ pub fn open(directory: &Path) -> Result<Opened> {
     let read: Vec<Result<Vec<Tile>>> = shards
         .collect::<Vec<_>>()
         .into_par_iter()
-        .map(|(part, shard, entry)| read_shard(directory, entry, part, shard))
+        .map(|(part, shard, entry)| read_shard(directory, entry, part, shard, &receivers.normal))
         .collect();
     let mut read = read.into_iter();
     let mut matrices = Vec::new();
@@ -68,11 +74,10 @@ pub fn open(directory: &Path) -> Result<Opened> {
         matrices.push(Arc::new(matrix(part, tiles).map_err(manifest_error)?));
     }
 
-    let receivers = receivers::read(&Shard::open(directory, &others[0])?, &manifest)?;
     let (link_file, audit_file) = others[1..].split_at(usize::from(manifest.has_link_file()));
     let link_file = link_file.first().map(|entry| Shard::open(directory, entry)).transpose()?;
     let audit = match audit_file.first() {
-        Some(entry) => Some(read_audit(&Shard::open(directory, entry)?, &manifest)?),
+        Some(entry) => Some(read_audit(&Shard::open(directory, entry)?, &manifest, &receivers.normal)?),
         None => None,
     };
     let product = link::product(&manifest, matrices, link_file.as_ref()).map_err(|error| match error {
@@ -89,12 +94,61 @@ fn matrix(part: &PartEntry, tiles: Vec<Tile>) -> Result<TransportMatrix> {
     Ok(TransportMatrix { space, bands: space.bands(), rows, channels: part.channels()?, quantum, tile_rows, tiles })
 }
 
-fn read_shard(directory: &Path, entry: &FileEntry, part: &PartEntry, shard: usize) -> Result<Vec<Tile>> {
+/// Texel columns stand in one matrix whose rows are the receivers: theirs are the normals.
+fn check_texels(manifest: &Manifest) -> Result<()> {
+    for part in &manifest.parts {
+        if part.space()?.texels().is_some() && (manifest.parts.len() > 1 || part.channels != 1) {
+            return Err(Error::input("expected texel columns in a transport of one part and one channel only"));
+        }
+    }
+    Ok(())
+}
+
+fn read_shard(
+    directory: &Path,
+    entry: &FileEntry,
+    part: &PartEntry,
+    shard: usize,
+    normals: &Slab<f32>,
+) -> Result<Vec<Tile>> {
     let file = Shard::open(directory, entry)?;
     let numbers = part.tiles_of(shard);
-    file.expect_count(5 * numbers.len())?;
+    file.expect_count(arrays_of(part)? * numbers.len())?;
     let width = part.width()?;
-    numbers.map(|number| read_tile(&file, &format!("{number:05}"), part.rows_of(number), part, width)).collect()
+    numbers
+        .map(|number| {
+            let rows = part.rows_of(number);
+            let first = number * part.tile_rows;
+            let tile = read_tile(&file, &format!("{number:05}"), rows, part, width)?;
+            with_sight(&file, &format!("{number:05}"), part, tile, || normals.part(3 * first..3 * (first + rows)))
+        })
+        .collect()
+}
+
+/// Arrays that a tile of a part is stored in.
+fn arrays_of(part: &PartEntry) -> Result<usize> {
+    Ok(if part.space()?.texels().is_some() { 7 } else { 5 })
+}
+
+/// A tile with its texel columns, where the part has any; `normals` are those of its rows.
+fn with_sight(
+    file: &Shard,
+    name: &str,
+    part: &PartEntry,
+    tile: Tile,
+    normals: impl FnOnce() -> Slab<f32>,
+) -> Result<Tile> {
+    let Some(size) = part.space()?.texels() else { return Ok(tile) };
+    let stream = format!("{name}.masks");
+    let sight = Sight {
+        size,
+        quantum: part.quantum,
+        normals: normals(),
+        blocks: file.slab(&format!("{name}.blocks"), &[tile.rows.div_ceil(BUNDLE), blocks_of(size)])?,
+        stream: file.slab(&stream, &[file.len(&stream)?])?,
+    };
+    sight.check().map_err(|what| file.error(format!("tile {name:?}: {what}")))?;
+    Ok(Tile { sight: Some(sight), ..tile })
 }
 
 /// A tile by its arrays' common name, with everything about it checked.
@@ -111,7 +165,7 @@ fn read_tile(file: &Shard, name: &str, rows: usize, part: &PartEntry, width: Wid
     let tile = Tile {
         rows,
         channels,
-        starts: file.slab(&format!("{name}.starts"), &[bands.columns() + 1])?,
+        starts: file.slab(&format!("{name}.starts"), &[bands.stored() + 1])?,
         words: file.slab(&format!("{name}.words"), &[entries])?,
         values: match width {
             Width::I8 => Values::I8(file.slab(&values, &integers)?),
@@ -119,6 +173,7 @@ fn read_tile(file: &Shard, name: &str, rows: usize, part: &PartEntry, width: Wid
         },
         kept: file.slab(&format!("{name}.kept"), &norms)?,
         dropped: file.slab(&format!("{name}.dropped"), &norms)?,
+        sight: None,
     };
     check_tile(&tile, part.quantum, width).map_err(|what| file.error(format!("tile {name:?}: {what}")))?;
     Ok(tile)
@@ -200,9 +255,9 @@ fn padding_is_zero(tile: &Tile) -> bool {
         })
 }
 
-fn read_audit(file: &Shard, manifest: &Manifest) -> Result<Audit> {
+fn read_audit(file: &Shard, manifest: &Manifest, normals: &Slab<f32>) -> Result<Audit> {
     let part = &manifest.parts[0];
-    file.expect_count(6)?;
+    file.expect_count(1 + arrays_of(part)?)?;
     let count = file.len("audit.groups")?;
     if count == 0 || count * GROUP > MAX_TILE_ROWS {
         return Err(file.error(format!("expected 1 to {} sample groups, found {count}", MAX_TILE_ROWS / GROUP)));
@@ -213,5 +268,11 @@ fn read_audit(file: &Shard, manifest: &Manifest) -> Result<Audit> {
         return Err(file.error(format!("expected ascending group numbers below {all}")));
     }
     let tile = read_tile(file, "audit", count * GROUP, part, Width::I16)?;
+    let tile = with_sight(file, "audit", part, tile, || {
+        // Rows that pad the last group have no normal, and see nothing.
+        let rows = groups.iter().flat_map(|&group| (group as usize * GROUP..).take(GROUP));
+        let place = |row: usize| (3 * row..3 * row + 3).map(|at| normals.get(at).copied().unwrap_or(0.0));
+        rows.flat_map(place).collect::<Vec<f32>>().into()
+    })?;
     Ok(Audit { groups, tile })
 }

@@ -22,7 +22,7 @@ pub fn survey(matrix: &TransportMatrix, rule: &Truncation) -> Result<Survey> {
     let empty = Survey::new(&matrix.bands, rule);
     let parts = matrix.tiles.par_iter().map(|tile| {
         let mut part = empty.clone();
-        tile.for_each_group(matrix.bands.columns(), matrix.quantum, |_, planes| part.add(planes))?;
+        tile.for_each_group(matrix.bands.stored(), matrix.quantum, |_, planes| part.add(planes))?;
         Ok(part)
     });
     let mut all = empty.clone();

@@ -13,7 +13,7 @@ use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 use crate::error::{Error, Result};
 
 use super::manifest::FileEntry;
-use crate::transport::tile::Slab;
+use crate::transport::slab::Slab;
 
 #[cfg(not(target_endian = "little"))]
 compile_error!("transport files are little-endian and are used as they lie in memory");

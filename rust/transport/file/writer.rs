@@ -25,6 +25,7 @@ use super::shard::{Tensor, is_intact, sync_directory, write_file, write_tensors}
 use crate::transport::entry::{Channels, GROUP, Width};
 use crate::transport::product::Link;
 use crate::transport::receivers::{ReceiverKind, ReceiverTable};
+use crate::transport::sight::blocks_of;
 use crate::transport::tile::{Tile, Values};
 
 const JOB: &str = "job.json";
@@ -220,7 +221,7 @@ impl Description {
     }
 }
 
-/// The five arrays of a tile.
+/// The arrays of a tile: five, and two more where it has texel columns.
 fn tensors<'a>(name: &str, tile: &'a Tile) -> Vec<Tensor<'a>> {
     let entries = tile.words.len();
     let bands = tile.kept.len() / (tile.rows * tile.channels.count()).max(1);
@@ -230,7 +231,7 @@ fn tensors<'a>(name: &str, tile: &'a Tile) -> Vec<Tensor<'a>> {
         Channels::Three => (vec![tile.rows, bands, 3], vec![entries, 3, GROUP]),
     };
     let values = format!("{name}.values");
-    vec![
+    let mut all = vec![
         Tensor::new(format!("{name}.starts"), &[tile.starts.len()], &tile.starts),
         Tensor::new(format!("{name}.words"), &[entries], &tile.words),
         match &tile.values {
@@ -239,7 +240,13 @@ fn tensors<'a>(name: &str, tile: &'a Tile) -> Vec<Tensor<'a>> {
         },
         Tensor::new(format!("{name}.kept"), &norms, &tile.kept),
         Tensor::new(format!("{name}.dropped"), &norms, &tile.dropped),
-    ]
+    ];
+    if let Some(sight) = &tile.sight {
+        let shape = [sight.bundles(), blocks_of(sight.size)];
+        all.push(Tensor::new(format!("{name}.blocks"), &shape, &sight.blocks));
+        all.push(Tensor::new(format!("{name}.masks"), &[sight.stream.len()], &sight.stream));
+    }
+    all
 }
 
 /// `NAME.transport` with a suffix, in the same directory.

@@ -37,7 +37,8 @@ impl Response {
     /// `new`, with the kernel named: for tests and benchmarks.
     pub fn with_engine(matrix: &TransportMatrix, engine: Engine) -> Response {
         let tiles = matrix.tiles.iter().map(|tile| vec![Sums::ZERO; tile.groups()]).collect();
-        let stored = |column: usize| matrix.tiles.iter().any(|tile| tile.starts[column] < tile.starts[column + 1]);
+        let texel = |column: usize| column >= matrix.bands.stored();
+        let stored = |column: usize| texel(column) || matrix.tiles.iter().any(|tile| !tile.entries(column).is_empty());
         Response { engine, stored: (0..matrix.bands.columns()).map(stored).collect(), moves: Vec::new(), tiles }
     }
 

@@ -45,32 +45,43 @@ const PLENTY: usize = 16;
 pub struct Batch {
     /// Of the list of moves, those in this batch.
     pub moves: Range<usize>,
-    /// Read by `Sorted`, not by `Marks`.
-    pub(super) sorted: bool,
+    pub(super) read: Read,
+}
+
+/// How a batch finds what its moves add to a group.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Read {
+    /// By a bit for each column and group (`Marks`).
+    Marked,
+    /// By a list of entries in the order of groups (`Sorted`).
+    Sorted,
+    /// By the bits of texel columns.
+    Texels,
 }
 
 /// Splits moves, by ascending column, into batches for one tile; there is always one, as the last one writes the rows.
 pub fn batches(tile: &Tile, moves: &[Move]) -> Vec<Batch> {
-    let entries = |moved: &Move| {
-        let column = moved.column as usize;
-        (tile.starts[column + 1] - tile.starts[column]) as usize
-    };
+    let entries = |moved: &Move| tile.entries(moved.column as usize).len();
+    let stored = moves.partition_point(|moved| (moved.column as usize) < tile.columns());
     let mut batches = Vec::with_capacity(moves.len() / MARKED + 1);
     let mut start = 0;
-    loop {
-        let mut end = moves.len().min(start + MARKED);
+    while start < stored {
+        let mut end = stored.min(start + MARKED);
         let mut held: usize = moves[start..end].iter().map(entries).sum();
-        let sorted = held < ENOUGH * tile.groups() && end < moves.len();
-        while sorted && end < moves.len() && held < PLENTY * tile.groups() {
+        let sorted = held < ENOUGH * tile.groups() && end < stored;
+        while sorted && end < stored && held < PLENTY * tile.groups() {
             held += entries(&moves[end]);
             end += 1;
         }
-        batches.push(Batch { moves: start..end, sorted });
+        batches.push(Batch { moves: start..end, read: if sorted { Read::Sorted } else { Read::Marked } });
         start = end;
-        if start == moves.len() {
-            return batches;
-        }
     }
+    if stored < moves.len() {
+        batches.push(Batch { moves: stored..moves.len(), read: Read::Texels });
+    } else if batches.is_empty() {
+        batches.push(Batch { moves: 0..0, read: Read::Marked });
+    }
+    batches
 }
 
 /// What walks over tiles need besides, kept between them.

@@ -5,13 +5,13 @@ use crate::transport::tile::{Tile, Values};
 
 #[cfg(target_arch = "x86_64")]
 use super::avx2;
-use super::columns::{Batch, Columns, Integer, Move, Scratch, Target};
-use super::portable;
+use super::columns::{Batch, Columns, Integer, Move, Read, Scratch, Target};
+use super::{portable, texels};
 
 /// One batch and where it goes.
 struct Work<'a> {
     tile: &'a Tile,
-    sorted: bool,
+    read: Read,
     moves: &'a [Move],
     scratch: &'a mut Scratch,
     target: Target<'a>,
@@ -38,7 +38,10 @@ impl Engine {
     ) {
         debug_assert!(target.sums.len() == tile.groups());
         let moves = &moves[batch.moves.clone()];
-        let work = Work { tile, sorted: batch.sorted, moves, scratch, target };
+        if let (Read::Texels, Some(sight)) = (batch.read, &tile.sight) {
+            return texels::walk(sight, tile.columns(), moves, self == Engine::Native, target);
+        }
+        let work = Work { tile, read: batch.read, moves, scratch, target };
         match (&tile.values, tile.channels) {
             (Values::I8(values), Channels::One) => self.walk_columns::<i8, 1>(bytemuck::cast_slice(values), work),
             (Values::I8(values), Channels::Three) => self.walk_columns::<i8, 3>(bytemuck::cast_slice(values), work),
@@ -48,19 +51,21 @@ impl Engine {
     }
 
     fn walk_columns<T: Integer, const C: usize>(self, entries: &[[[T; GROUP]; C]], work: Work<'_>) {
-        let Work { tile, sorted, moves, scratch, target } = work;
+        let Work { tile, read, moves, scratch, target } = work;
         let columns = Columns { starts: &tile.starts, words: &tile.words, entries };
         #[cfg(target_arch = "x86_64")]
         if self == Engine::Native && avx2::available() {
             // SAFETY: the processor has what the code needs.
-            return match sorted {
-                false => unsafe { avx2::walk_marked(&columns, moves, &mut scratch.marks, target) },
-                true => unsafe { avx2::walk_sorted(&columns, moves, &mut scratch.sorted, target) },
+            return match read {
+                Read::Sorted => unsafe { avx2::walk_sorted(&columns, moves, &mut scratch.sorted, target) },
+                Read::Marked | Read::Texels => unsafe {
+                    avx2::walk_marked(&columns, moves, &mut scratch.marks, target)
+                },
             };
         }
-        match sorted {
-            false => portable::walk_marked(&columns, moves, &mut scratch.marks, target),
-            true => portable::walk_sorted(&columns, moves, &mut scratch.sorted, target),
+        match read {
+            Read::Sorted => portable::walk_sorted(&columns, moves, &mut scratch.sorted, target),
+            Read::Marked | Read::Texels => portable::walk_marked(&columns, moves, &mut scratch.marks, target),
         }
     }
 }

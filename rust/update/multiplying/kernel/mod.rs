@@ -11,6 +11,8 @@
 //! Tried and dropped: walks of 256 moves at once (their streams evict each other); images of bands
 //! (`multiplying/response.rs`).
 //!
+//! Texel columns have no entries: their walk makes them anew from bits and normals (`texels.rs`).
+//!
 //! All sums are exact (`multiplying/grid.rs`): order, batches, fused multiply-add or not, and the number of threads
 //! leave the same bits.
 
@@ -19,6 +21,7 @@ mod avx2;
 mod columns;
 mod engine;
 mod portable;
+mod texels;
 
 pub use columns::{Batch, Move, Scratch, Sums, Target, batches};
 pub use engine::Engine;
