@@ -6,10 +6,8 @@ use super::layout::Layout;
 use super::lookup::{lat_long_area, lat_long_direction};
 use crate::basis::cubemap::{direction_to_face_uv, face_point, rectangle_solid_angle};
 
-/// Bright pixels are those above this multiple of the map's mean magnitude...
+/// Bright pixels are those above this multiple of the map's mean magnitude, and among the brightest of the map.
 const BRIGHT: f64 = 4.0;
-/// ...and among the brightest of the map: no more squares than this are spread in a frame.
-const MAX_SQUARES: usize = 2048;
 /// A pixel wider than this many target texels is an area that the base resolves by itself.
 const MAX_WIDTH: f64 = 2.0;
 
@@ -34,15 +32,16 @@ pub struct Placed {
     columns: Range<usize>,
 }
 
-/// Splits a map, for targets of `size`, into what lies below a cap, pixel by pixel, and the squares above it.
-pub fn split(layout: Layout, pixels: &[[f32; 3]], size: usize) -> (Vec<[f32; 3]>, Vec<Square>) {
+/// Splits a map, for targets of `size`, into what lies below a cap, pixel by pixel, and the squares above it, of which
+/// there are no more than `most`.
+pub fn split(layout: Layout, pixels: &[[f32; 3]], size: usize, most: usize) -> (Vec<[f32; 3]>, Vec<Square>) {
     let width = layout.pitch() * size as f64 / 2.0;
     if width > MAX_WIDTH {
         return (pixels.to_vec(), Vec::new());
     }
     // Squares of at most half a texel each keep an even area even when they turn against the texels.
     let parts = (2.0 * width).ceil().max(1.0) as usize;
-    let cap = cap(layout, pixels, MAX_SQUARES / (parts * parts));
+    let cap = cap(layout, pixels, most / (parts * parts));
 
     let mut base = pixels.to_vec();
     let mut squares = Vec::new();

@@ -23,7 +23,6 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-use crate::basis::cubemap::solid_angles;
 use crate::basis::spherical_harmonics::Rotation;
 use crate::basis::{HARMONIC_FACE, HarmonicProjection};
 use crate::error::{Error, Result};
@@ -37,8 +36,8 @@ use super::resample::Prepared;
 pub struct EnvironmentMap {
     layout: Layout,
     pixels: Vec<[f32; 3]>,
-    /// What `resample` needs for each size, made on first use.
-    prepared: Mutex<HashMap<usize, Arc<Prepared>>>,
+    /// What `resample` and `split` (true) need for each size, made on first use.
+    prepared: Mutex<HashMap<(usize, bool), Arc<Prepared>>>,
     /// Its coefficients in the spherical harmonics of each order (`basis/harmonic_projection.rs`), made on first use.
     harmonics: Mutex<HashMap<usize, Arc<Vec<[f64; 3]>>>>,
 }
@@ -63,7 +62,7 @@ impl EnvironmentMap {
     ///
     /// `rotation` is an orthogonal matrix in rows, possibly with a mirror.
     pub fn resample(&self, size: usize, rotation: &[[f64; 3]; 3], scale: f64, radiance: &mut [[f32; 3]]) {
-        self.prepare(size).add(rotation, scale, 0, radiance);
+        self.prepare(size, false).add(rotation, scale, 0, radiance);
     }
 
     /// The same without the map's `peaks` largest peaks, which are added to `texels` instead, each in the texels around
@@ -77,17 +76,14 @@ impl EnvironmentMap {
         radiance: &mut [[f32; 3]],
         texels: &mut [[f64; 3]],
     ) {
-        let prepared = self.prepare(size);
+        let prepared = self.prepare(size, true);
         prepared.add(rotation, scale, peaks, radiance);
-        let areas = solid_angles(size);
-        for peak in prepared.peaks().iter().take(peaks) {
-            peak.turned(rotation).add(size, scale, &areas, texels);
-        }
+        prepared.add_peaks(rotation, scale, peaks, texels);
     }
 
     /// The map's largest peaks for cubemaps of a size, turned.
     pub fn peaks(&self, size: usize, rotation: &[[f64; 3]; 3], count: usize) -> Vec<Peak> {
-        self.prepare(size).peaks().iter().take(count).map(|peak| peak.turned(rotation)).collect()
+        self.prepare(size, true).peaks().iter().take(count).map(|peak| peak.turned(rotation)).collect()
     }
 
     /// Adds to `coefficients` this map's, turned by `rotation` and times `scale`.
@@ -120,11 +116,11 @@ impl EnvironmentMap {
 
     /// Makes the map ready for a size, once. The lock is not held meanwhile: a rayon thread that waits inside would steal
     /// work that may ask for the same lock. At worst two threads do the same work.
-    fn prepare(&self, size: usize) -> Arc<Prepared> {
-        let known = self.prepared.lock().unwrap_or_else(PoisonError::into_inner).get(&size).cloned();
+    fn prepare(&self, size: usize, peaks: bool) -> Arc<Prepared> {
+        let known = self.prepared.lock().unwrap_or_else(PoisonError::into_inner).get(&(size, peaks)).cloned();
         known.unwrap_or_else(|| {
-            let fresh = Arc::new(Prepared::new(self.layout, &self.pixels, size));
-            self.prepared.lock().unwrap_or_else(PoisonError::into_inner).entry(size).or_insert(fresh).clone()
+            let fresh = Arc::new(Prepared::new(self.layout, &self.pixels, size, peaks));
+            self.prepared.lock().unwrap_or_else(PoisonError::into_inner).entry((size, peaks)).or_insert(fresh).clone()
         })
     }
 

@@ -13,6 +13,10 @@ use crate::basis::cubemap::{face_basis, solid_angles, texel_centre};
 
 /// Target texels that are looked up together.
 const CHUNK: usize = 64;
+/// The most bright squares of a map, which are spread in every frame.
+const SQUARES: usize = 2048;
+/// The same where peaks are taken out of them.
+const SQUARES_OF_PEAKS: usize = 8192;
 /// Rows of a target face that one task makes.
 const STRIP: usize = 8;
 
@@ -66,10 +70,17 @@ struct Places {
 
 impl Prepared {
     /// From the whole map, once a size: averages of the base, and the bright squares.
-    pub fn new(layout: Layout, pixels: &[[f32; 3]], size: usize) -> Self {
-        let (base, bright) = bright::split(layout, pixels, size);
+    ///
+    /// Where peaks are to be taken out, most of the squares are theirs and none of a frame's work: there may be more.
+    pub fn new(layout: Layout, pixels: &[[f32; 3]], size: usize, peaks: bool) -> Self {
+        let most = if peaks { SQUARES_OF_PEAKS } else { SQUARES };
+        let (base, bright) = bright::split(layout, pixels, size, most);
         let fine = average(layout, base, 2 * size);
-        let (peaks, peak_of) = peaks::find(&bright, bright::flux(layout, pixels), size);
+        let (peaks, peak_of) = if peaks {
+            peaks::find(&bright, bright::flux(layout, pixels), size)
+        } else {
+            (Vec::new(), vec![u32::MAX; bright.len()])
+        };
         Prepared {
             size,
             narrow: Level::new(2 * size, &fine, 1),
@@ -92,18 +103,26 @@ impl Prepared {
         &self.peaks
     }
 
+    /// Adds the `count` largest peaks, turned and scaled, to coefficients of texels.
+    pub fn add_peaks(&self, rotation: &[[f64; 3]; 3], scale: f64, count: usize, texels: &mut [[f64; 3]]) {
+        for peak in self.peaks.iter().take(count) {
+            peak.turned(rotation).add(self.size, scale, &self.inverse_areas, texels);
+        }
+    }
+
     /// Adds the rotated and scaled map to a cubemap, without its `peaks` largest peaks.
     pub fn add(&self, rotation: &[[f64; 3]; 3], scale: f64, peaks: usize, radiance: &mut [[f32; 3]]) {
         let frames: [Axes; 6] = std::array::from_fn(|face| {
             face_basis(face).map(|axis| unrotate(rotation, axis).map(|component| component as f32))
         });
-        let placed: Vec<Placed> = self.bright.par_iter().map(|square| square.place(self.size, rotation)).collect();
+        let own: Vec<usize> = (0..self.bright.len()).filter(|&k| self.peak_of[k] as usize >= peaks).collect();
+        let placed: Vec<Placed> = own.par_iter().map(|&k| self.bright[k].place(self.size, rotation)).collect();
         let strips = self.strips(radiance);
 
         // Each strip adds its own squares in their order: so threads never change a bit.
         let mut squares = vec![Vec::new(); strips.len()];
         let strips_a_face = self.size.div_ceil(STRIP);
-        for (k, place) in placed.iter().enumerate().filter(|&(k, _)| self.peak_of[k] as usize >= peaks) {
+        for (k, place) in placed.iter().enumerate() {
             for strip in place.rows.start / STRIP..=(place.rows.end - 1) / STRIP {
                 squares[place.face * strips_a_face + strip].push(k);
             }
@@ -113,8 +132,8 @@ impl Prepared {
                 self.add_base(&frames[strip.face], strip.first_row + row, scale as f32, texels);
             }
             for k in squares {
-                let own = strip.first_row..strip.first_row + strip.texels.len() / self.size;
-                self.bright[k].spread(&placed[k], own, scale, &self.inverse_areas, strip.texels);
+                let rows = strip.first_row..strip.first_row + strip.texels.len() / self.size;
+                self.bright[own[k]].spread(&placed[k], rows, scale, &self.inverse_areas, strip.texels);
             }
         });
     }

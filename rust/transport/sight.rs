@@ -142,6 +142,29 @@ fn place(size: usize, texel: usize) -> (usize, usize) {
     (block, spread(column % side) | spread(row % side) << 1)
 }
 
+/// Texels in the order in which their masks are stored.
+pub struct Texels(Vec<Texel>);
+
+/// Where a texel's masks stand, and its number in the list that was asked for.
+struct Texel {
+    block: usize,
+    at: usize,
+    number: usize,
+}
+
+impl Texels {
+    /// Of a list without repetitions.
+    pub fn new(size: usize, texels: &[usize]) -> Self {
+        let of = |(number, &texel): (usize, &usize)| {
+            let (block, at) = place(size, texel);
+            Texel { block, at, number }
+        };
+        let mut places: Vec<Texel> = texels.iter().enumerate().map(of).collect();
+        places.sort_by_key(|texel| (texel.block, texel.at));
+        Texels(places)
+    }
+}
+
 impl Encoded {
     /// Of one bundle, in units of 2^quantum.
     pub fn new(seen: &Seen, size: usize, quantum: i32) -> Self {
@@ -247,38 +270,55 @@ impl Sight {
     }
 
     /// The rows of a bundle that see a texel, one bit each; those that have it below their horizon may say anything.
-    #[inline]
     pub fn mask(&self, bundle: usize, texel: usize) -> u64 {
-        let (block, at) = place(self.size, texel);
-        match self.blocks[bundle * blocks_of(self.size) + block] {
-            CLOSED => 0,
-            OPEN => u64::MAX,
-            start => self.within(start as usize, at),
+        let mut mask = [0];
+        self.masks(bundle, &Texels::new(self.size, &[texel]), &mut mask);
+        mask[0]
+    }
+
+    /// The same for each of some texels. Those of one square are read in one go.
+    pub fn masks(&self, bundle: usize, texels: &Texels, masks: &mut [u64]) {
+        let blocks = &self.blocks[bundle * blocks_of(self.size)..];
+        for square in texels.0.chunk_by(|a, b| a.block == b.block && a.at / SQUARE == b.at / SQUARE) {
+            let start = blocks[square[0].block];
+            match start {
+                CLOSED => square.iter().for_each(|texel| masks[texel.number] = 0),
+                OPEN => square.iter().for_each(|texel| masks[texel.number] = u64::MAX),
+                _ => self.read(start as usize, square, masks),
+            }
         }
     }
 
-    fn within(&self, start: usize, at: usize) -> u64 {
+    /// Texels of one square, ascending.
+    fn read(&self, start: usize, texels: &[Texel], masks: &mut [u64]) {
         let stream = &self.stream[start..];
         let end = |square: usize| usize::from(u16::from_le_bytes([stream[2 * square], stream[2 * square + 1]]));
-        let square = at / SQUARE;
+        let square = texels[0].at / SQUARE;
         let first = if square == 0 { 0 } else { end(square - 1) };
-        match end(square) - first {
-            0 => return 0,
-            1 => return u64::MAX,
-            _ => {}
+        let alike = match end(square) - first {
+            0 => Some(0),
+            1 => Some(u64::MAX),
+            _ => None,
+        };
+        if let Some(mask) = alike {
+            texels.iter().for_each(|texel| masks[texel.number] = mask);
+            return;
         }
-        let (mut at_byte, mut mask) = (HEADER + first, 0u64);
-        for _ in 0..=at % SQUARE {
-            let mut flags = stream[at_byte];
-            at_byte += 1;
-            while flags != 0 {
-                let shift = 8 * flags.trailing_zeros();
-                flags &= flags - 1;
-                mask = mask & !(0xff << shift) | u64::from(stream[at_byte]) << shift;
-                at_byte += 1;
+        let (mut next, mut mask, mut done) = (HEADER + first, 0u64, 0);
+        for texel in texels {
+            while done <= texel.at % SQUARE {
+                let mut flags = stream[next];
+                next += 1;
+                while flags != 0 {
+                    let shift = 8 * flags.trailing_zeros();
+                    flags &= flags - 1;
+                    mask = mask & !(0xff << shift) | u64::from(stream[next]) << shift;
+                    next += 1;
+                }
+                done += 1;
             }
+            masks[texel.number] = mask;
         }
-        mask
     }
 
     /// Whether every mask can be read: afterwards `mask` never leaves the stream.

@@ -16,7 +16,7 @@ from ..checks import count, read_only
 if TYPE_CHECKING:
     from ..light.environment import Environment
 
-PEAKS = 64
+PEAKS = 128
 """Peaks of a map that are sent through texels, where nothing else is said."""
 
 
@@ -99,7 +99,7 @@ class Haar:
             The light; averaged over the texels of the cubemap first.
         peaks
             Where there are texels: so many of each map's largest peaks, at most, are sent through them
-            (`Environment.peaks`); None: 64.
+            (`Environment.peaks`); None: 128.
 
         Returns
         -------

@@ -313,7 +313,7 @@ class Environment:
         cubemap: NDArray[np.float32] = environment_cubemap(self._layers, size)
         return cubemap
 
-    def peaks(self, k: int = 64, size: int = 64) -> list[Peak]:
+    def peaks(self, k: int = 128, size: int = 64) -> list[Peak]:
         """Suns and lamps: the small bright lights that columns with texels take out of the wavelets.
 
         They are found once for each map, in what of it lies above four times its mean, and turn with it. What is smaller

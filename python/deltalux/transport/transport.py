@@ -161,7 +161,7 @@ class Transport:
             The light.
         peaks
             Where some columns are texels: so many suns and lamps of each map go through them, at most
-            (`Environment.peaks`); None: 64.
+            (`Environment.peaks`); None: 128.
 
         Returns
         -------

@@ -6,7 +6,7 @@
 use super::columns::{Move, Sums, Target};
 use super::portable::publish;
 use crate::transport::entry::{GROUP, Rows16};
-use crate::transport::sight::{BUNDLE, Sight, TexelColumn, texel_columns, whole};
+use crate::transport::sight::{BUNDLE, Sight, TexelColumn, Texels, texel_columns, whole};
 
 /// A texel column that moves.
 #[derive(Clone, Copy)]
@@ -41,23 +41,26 @@ fn walk_any(sight: &Sight, first: usize, moves: &[Move], mut target: Target<'_>)
         change: moved.change,
     };
     let peaks: Vec<Peak> = texels.iter().zip(moves).map(peak).collect();
+    let places = Texels::new(sight.size, &texels);
     let mut masks = vec![0u64; moves.len()];
+    let mut seen = vec![Seen { values: [0.0; GROUP], change: [0.0; 3] }; moves.len()];
     for (bundle, groups) in target.sums.chunks_mut(BUNDLE / GROUP).enumerate() {
-        for (mask, &texel) in masks.iter_mut().zip(&texels) {
-            *mask = sight.mask(bundle, texel);
-        }
+        sight.masks(bundle, &places, &mut masks);
         for (k, sums) in groups.iter_mut().enumerate() {
             let group = bundle * (BUNDLE / GROUP) + k;
             if target.afresh {
                 *sums = Sums::ZERO;
             }
             let normals = sight.group_normals(group);
+            let mut count = 0;
             for (peak, mask) in peaks.iter().zip(&masks) {
                 let open = (mask >> (k * GROUP)) as u16;
                 if open != 0 {
-                    add(sums, &normals, peak, open);
+                    seen[count] = Seen { values: values(&normals, peak, open), change: peak.change };
+                    count += 1;
                 }
             }
+            add(sums, &seen[..count]);
             if let Some(out) = &mut target.out {
                 publish(sums, &mut out[group * 3 * GROUP..]);
             }
@@ -65,18 +68,36 @@ fn walk_any(sight: &Sight, first: usize, moves: &[Move], mut target: Target<'_>)
     }
 }
 
-/// Sixteen rows of a texel's column times its change. All sums are exact: fused or not is the same.
+/// Sixteen rows of a texel's column, and what it moves by.
+#[derive(Clone, Copy)]
+struct Seen {
+    values: [f64; GROUP],
+    change: [f64; 3],
+}
+
+/// A column in sixteen rows: whole numbers, zero where the texel is not open.
 #[inline(always)]
-fn add(sums: &mut Sums, normals: &[Rows16; 3], peak: &Peak, open: u16) {
+fn values(normals: &[Rows16; 3], peak: &Peak, open: u16) -> [f64; GROUP] {
     let values = peak.column.values(normals);
-    let mut wide = [0.0f64; GROUP];
+    let mut wide = [0.0; GROUP];
     for lane in 0..GROUP {
         let seen = if open & 1 << lane != 0 { values[lane] } else { 0.0 };
         wide[lane] = whole(seen);
     }
-    for (sums, change) in sums.0.iter_mut().zip(peak.change) {
-        for lane in 0..GROUP {
-            sums[lane] += wide[lane] * change;
+    wide
+}
+
+/// Colour by colour, so that a colour's sums stay in registers. All sums are exact: fused or not is the same.
+#[inline(always)]
+fn add(sums: &mut Sums, seen: &[Seen]) {
+    for (colour, sums) in sums.0.iter_mut().enumerate() {
+        let mut lanes = *sums;
+        for column in seen {
+            let change = column.change[colour];
+            for lane in 0..GROUP {
+                lanes[lane] += column.values[lane] * change;
+            }
         }
+        *sums = lanes;
     }
 }
