@@ -4,6 +4,7 @@
 //! A pass is a function of (scene, settings, rows): any split over threads, machines or interrupted runs gives the same M.
 
 use std::ops::Range;
+use std::sync::Arc;
 use std::time::Instant;
 
 use rayon::prelude::*;
@@ -13,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::transport::entry::Channels;
 use crate::transport::sight::{Encoded, Seen, Sight};
 use crate::transport::{
-    CompressedGroup, GROUP, MAX_TILE_ROWS, Rows16, Survey, Tile, Truncation, Width, compress_group,
+    CompressedGroup, GROUP, MAX_TILE_ROWS, Measure, Rows16, Survey, Tile, Truncation, Width, compress_group,
 };
 
 /// Rows that a pass makes together.
@@ -169,6 +170,8 @@ pub struct Surveyed {
     pub groups: Vec<u32>,
     /// Those groups one below the other, in 16 bits with threshold 0.
     pub audit: Tile,
+    /// Bytes that the texel columns of a bundle take, in the mean.
+    pub texel_bytes: f64,
 }
 
 /// What one bundle of a survey has shown.
@@ -178,6 +181,7 @@ struct Looked {
     first: Vec<Option<CompressedGroup>>,
     group: usize,
     seen: Option<Seen>,
+    texel_bytes: usize,
     rays: Rays,
 }
 
@@ -188,18 +192,20 @@ fn spread<P: Pass>(pass: &P, k: usize, count: usize) -> Range<usize> {
     start..(start + BUNDLE_ROWS).min(total)
 }
 
-/// Looks at evenly spread bundles before the pass, for each factor under its rule (the threshold aside); and the rays that
-/// it took. What it finds depends on nothing but the scene.
+/// Looks at evenly spread bundles before the pass, for each factor under its rule (the threshold aside), and measures
+/// truncation under the lights, if there are any; and the rays that it took. What it finds depends on nothing but the scene.
 pub fn survey<P: Pass>(
     pass: &P,
     bundles: usize,
     rules: &[Truncation],
+    lights: &Arc<Vec<Measure>>,
     advance: &Advance,
 ) -> Result<(Vec<Surveyed>, Rays)> {
     let Shape { rows: total, texels, bands, channels, factors } = pass.shape();
     let count = bundles.min(total.div_ceil(BUNDLE_ROWS));
     let lossless = rules.iter().map(|rule| rule.lossless(Width::I16)).collect::<Result<Vec<_>>>()?;
-    let empty: Vec<Survey> = rules.iter().map(|rule| Survey::new(bands, rule)).collect();
+    let new = |rule| Survey::new(bands, rule, Arc::clone(lights));
+    let empty: Vec<Survey> = rules.iter().map(new).collect::<Result<_>>()?;
     let looked: Vec<Looked> = (0..count)
         .into_par_iter()
         .map_init(
@@ -217,7 +223,9 @@ pub fn survey<P: Pass>(
                     Ok(())
                 })?;
                 advance(rows.len() as u64)?;
-                Ok(Looked { surveys, first, group: rows.start / GROUP, seen, rays })
+                let encoded = seen.as_ref().zip(*texels).map(|(seen, size)| Encoded::new(seen, size, rules[0].quantum));
+                let texel_bytes = encoded.map_or(0, |encoded| encoded.nbytes());
+                Ok(Looked { surveys, first, group: rows.start / GROUP, seen, texel_bytes, rays })
             },
         )
         .collect::<Result<_>>()?;
@@ -238,7 +246,9 @@ pub fn survey<P: Pass>(
         audited.chunks_mut(BUNDLE_ROWS / GROUP).zip(&sights).for_each(|(own, sight)| add_norms(own, sight, bands));
         let mut audit = Tile::assemble(audited.len() * GROUP, bands.stored(), *channels, Width::I16, &audited);
         audit.sight = texels.filter(|_| factor == 0).map(|size| Sight::join(size, rules[0].quantum, &sights));
-        Surveyed { survey, groups: kept.iter().map(|&k| looked[k].group as u32).collect(), audit }
+        let groups = kept.iter().map(|&k| looked[k].group as u32).collect();
+        let texel_bytes = looked.iter().map(|own| own.texel_bytes as f64).sum::<f64>() / looked.len().max(1) as f64;
+        Surveyed { survey, groups, audit, texel_bytes }
     };
     let rays = looked.iter().fold(Rays::default(), |sum, bundle| sum.plus(bundle.rays));
     Ok((empty.into_iter().enumerate().map(of_factor).collect(), rays))

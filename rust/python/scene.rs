@@ -6,10 +6,11 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2}
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
+use crate::error::Result;
 use crate::precompute::{DirectPass as Direct, Pass, probe, survey, tile};
 use crate::scene::rays::Tracer;
 use crate::scene::{Camera, Mesh, PixelSampling, Receivers as Rows};
-use crate::transport::{ReceiverKind, ReceiverTable as Table, Truncation};
+use crate::transport::{Measure, ReceiverKind, ReceiverTable as Table, Truncation};
 
 use super::arrays::{rows_of, to_vec, to_vec_of_rows, vectors};
 use super::pieces::TileData;
@@ -183,6 +184,27 @@ impl Receivers {
     }
 }
 
+/// What a survey has seen.
+#[pyclass(frozen, get_all, module = "deltalux._core")]
+pub(crate) struct Looked {
+    /// Entries with a weighted norm below this are dropped.
+    threshold: f64,
+    /// The error that it gives, and that under each light.
+    error: f64,
+    errors: Vec<f64>,
+    /// That a group of 16 rows keeps.
+    entries_per_group: f64,
+    /// Of the texel columns of 64 rows.
+    texel_bytes: f64,
+    /// Numbers of groups that are kept untruncated, and a tile of them.
+    groups: Py<PyArray1<u32>>,
+    audit: Py<TileData>,
+    /// Rays to texel centres, into edge texels; and those of the first that met nothing.
+    first_rays: u64,
+    edge_rays: u64,
+    open_rays: u64,
+}
+
 /// The direct diffuse pass over the receivers of a scene.
 #[pyclass(frozen, module = "deltalux._core")]
 pub(crate) struct DirectPass(Direct);
@@ -204,11 +226,12 @@ impl DirectPass {
         compute(py, || Ok(DirectPass(Direct::new(tracer, rows, space, edge_side)?)))
     }
 
-    /// Looks at some bundles of 64 rows: the threshold for a relative image error, the error that it gives, entries per
-    /// group of 16 rows, groups kept untruncated (their numbers and a tile), rays to texel centres, and those of them that
-    /// met nothing.
-    #[pyo3(signature = (bundles, *, tolerance, quantum, width, progress = None))]
-    #[allow(clippy::type_complexity)]
+    /// Looks at some bundles of 64 rows, and chooses the threshold for a relative image error.
+    ///
+    /// A light is whether it decides, and two arrays (columns with entries, 3): what of it goes through these columns, and
+    /// all of it in them. The worst of those that decide does; where none does the error is expected of natural light.
+    #[pyo3(signature = (bundles, *, tolerance, quantum, width, lights = Vec::new(), progress = None))]
+    #[allow(clippy::too_many_arguments)]
     fn survey(
         &self,
         py: Python<'_>,
@@ -216,17 +239,31 @@ impl DirectPass {
         tolerance: f64,
         quantum: i32,
         width: &str,
+        lights: Vec<(bool, PyReadonlyArray2<'_, f64>, PyReadonlyArray2<'_, f64>)>,
         progress: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<(f64, f64, f64, Py<PyArray1<u32>>, TileData, u64, u64)> {
+    ) -> PyResult<Looked> {
         let rule = Truncation::new(&self.0.shape().bands, 0.0, quantum, width.parse()?)?;
+        let measure = |(decides, truncated, whole): (bool, PyReadonlyArray2<'_, f64>, PyReadonlyArray2<'_, f64>)| {
+            Ok(Measure { decides, truncated: vectors("a light", &truncated)?, whole: vectors("a light", &whole)? })
+        };
+        let lights = Arc::new(lights.into_iter().map(measure).collect::<Result<Vec<_>>>()?);
         let (threshold, surveyed, rays) = interruptible(py, progress, |watch| {
-            let (mut surveyed, rays) = survey(&self.0, bundles, &[rule], &|rows| watch.advance(rows))?;
+            let (mut surveyed, rays) = survey(&self.0, bundles, &[rule], &lights, &|rows| watch.advance(rows))?;
             let surveyed = surveyed.swap_remove(0);
             Ok((surveyed.survey.threshold_for(tolerance)?, surveyed, rays))
         })?;
-        let numbers = surveyed.groups.into_pyarray(py).unbind();
-        let (entries, audit) = (threshold.entries_per_group, TileData(surveyed.audit));
-        Ok((threshold.value, threshold.error, entries, numbers, audit, rays.first, rays.open))
+        Ok(Looked {
+            threshold: threshold.value,
+            error: threshold.error,
+            errors: threshold.errors,
+            entries_per_group: threshold.entries_per_group,
+            texel_bytes: surveyed.texel_bytes,
+            groups: surveyed.groups.into_pyarray(py).unbind(),
+            audit: Py::new(py, TileData(surveyed.audit))?,
+            first_rays: rays.first,
+            edge_rays: rays.edge,
+            open_rays: rays.open,
+        })
     }
 
     /// Numbers for each row and column that the pass makes.
@@ -283,5 +320,6 @@ pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Scene>()?;
     module.add_class::<Receivers>()?;
     module.add_class::<DirectPass>()?;
+    module.add_class::<Looked>()?;
     Ok(())
 }

@@ -22,7 +22,7 @@ pub use product::{Factors, Link, Product};
 pub use receivers::{ReceiverKind, ReceiverTable};
 pub use sight::{Seen, Sight};
 pub use slab::Slab;
-pub use survey::{Survey, Threshold};
+pub use survey::{Measure, Survey, Threshold};
 pub use tile::{CompressedGroup, Tile, Values};
 pub use truncate::{Truncation, compress_group};
 pub use weights::Weights;

@@ -195,6 +195,11 @@ impl Encoded {
         encoded
     }
 
+    /// Bytes that it takes in a tile.
+    pub fn nbytes(&self) -> usize {
+        4 * self.blocks.len() + self.stream.len()
+    }
+
     /// For each row the norm of its texel columns, and of what rounding took from them: bfloat16, never below the truth.
     pub fn norms(&self) -> impl Iterator<Item = [u16; 2]> {
         // For the roundings of sums.

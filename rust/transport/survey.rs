@@ -2,6 +2,9 @@
 //!
 //! Under the light prior E[V_j^2] ~ area_j the expected squared error of the image is the sum over what rows lose of
 //! area_j * loss^2. Energies are counted by size, so that a survey takes 60 KB whatever the sample.
+//!
+//! Where lights decide the error is not expected but measured: for each of them the sample rows are multiplied by what
+//! every threshold would drop, and the worst of them decides. A sun's error is coherent over a floor, which no prior knows.
 
 use std::sync::Arc;
 
@@ -27,24 +30,59 @@ pub struct Survey {
     bins: Vec<[f64; 3]>,
     /// The same of the columns that stay whatever the threshold.
     always_kept: [f64; 3],
+    /// What errors are measured under.
+    lights: Arc<Vec<Measure>>,
+    /// For each light the squared sum of all rows' responses.
+    whole: Vec<f64>,
+    /// For each bin and light the squared error of all rows if what lies in this bin and below is dropped; the first is
+    /// that of rounding alone.
+    lost: Vec<f64>,
+}
+
+/// A light that the error of truncation is measured under.
+#[derive(Clone, Debug)]
+pub struct Measure {
+    /// What goes through the columns that are truncated.
+    pub truncated: Vec<[f64; 3]>,
+    /// All of the light in the same columns: what the error is relative to.
+    pub whole: Vec<[f64; 3]>,
+    /// Whether a threshold is chosen by it, or its error is only told.
+    pub decides: bool,
 }
 
 /// A threshold, and what to expect of it on groups like the samples.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Threshold {
     /// Entries with a weighted norm below this are dropped.
     pub value: f64,
-    /// Relative L2 error of the image under the light prior E[V_j^2] ~ area_j, rounding included.
+    /// Relative L2 error of the image, rounding included: the worst under the lights that decide, or where none does that
+    /// expected under the light prior E[V_j^2] ~ area_j.
     pub error: f64,
+    /// Under each light.
+    pub errors: Vec<f64>,
     /// Entries that a group of 16 rows keeps, in the mean.
     pub entries_per_group: f64,
 }
 
 impl Survey {
-    /// Of a rule's weights, quantum and width; its own threshold plays no part.
-    pub fn new(bands: &Bands, rule: &Truncation) -> Self {
-        let bins = vec![[0.0; 3]; (OCTAVES.len() as i32 * BINS) as usize];
-        Survey { rule: Arc::new(rule.clone()), always: bands.always, groups: 0, bins, always_kept: [0.0; 3] }
+    /// Of a rule's weights, quantum and width; its own threshold plays no part. The lights have a coefficient for each
+    /// column that has entries.
+    pub fn new(bands: &Bands, rule: &Truncation, lights: Arc<Vec<Measure>>) -> Result<Self> {
+        let columns = bands.stored();
+        if let Some(light) = lights.iter().flat_map(|m| [&m.truncated, &m.whole]).find(|light| light.len() != columns) {
+            return Err(Error::input(format!("expected lights of {columns} coefficients, got {}", light.len())));
+        }
+        let count = (OCTAVES.len() as i32 * BINS) as usize;
+        Ok(Survey {
+            rule: Arc::new(rule.clone()),
+            always: bands.always,
+            groups: 0,
+            bins: vec![[0.0; 3]; count],
+            always_kept: [0.0; 3],
+            whole: vec![0.0; lights.len()],
+            lost: vec![0.0; (count + 1) * lights.len()],
+            lights,
+        })
     }
 
     /// Counts the entries of 16 raw rows, channel by channel in `planes`.
@@ -58,8 +96,9 @@ impl Survey {
     }
 
     fn add_entries<const C: usize>(&mut self, planes: [&[Rows16]; C]) -> Result<()> {
-        let rule = Arc::clone(&self.rule);
+        let (rule, lights) = (Arc::clone(&self.rule), Arc::clone(&self.lights));
         assert!(planes.iter().all(|plane| plane.len() == rule.weights().len()));
+        let mut entries = Vec::new();
         for (column, weight) in rule.weights().iter().enumerate() {
             let entry = planes.map(|plane| &plane[column]);
             let (energy, prior) = (energy(entry), weight * weight);
@@ -69,12 +108,55 @@ impl Survey {
             let rounded = round::<Portable, C>(entry, rule.quantum, 0, rule.width)?;
             let stored = f64::from(u8::from(rounded.integers != [[0; GROUP]; C]));
             let kept = column < self.always;
-            let slot = if kept { &mut self.always_kept } else { &mut self.bins[bin(energy * prior)] };
+            let at = bin(energy * prior);
+            if !lights.is_empty() {
+                entries.push((if kept { None } else { Some(at) }, column, rounded.residual));
+            }
+            let slot = if kept { &mut self.always_kept } else { &mut self.bins[at] };
             slot[0] += stored;
             slot[1] += energy * prior;
             slot[2] += self::energy(rounded.residual.each_ref()) * prior;
         }
+        // What stays whatever the threshold first, then the smallest: so they are dropped.
+        entries.sort_by_key(|entry| entry.0);
+        for (number, light) in lights.iter().enumerate() {
+            self.measure(number, light, planes, &entries);
+        }
         Ok(())
+    }
+
+    /// The error of a group's rows under a light, threshold by threshold.
+    fn measure<const C: usize>(
+        &mut self,
+        number: usize,
+        light: &Measure,
+        planes: [&[Rows16]; C],
+        entries: &[(Option<usize>, usize, [Rows16; C])],
+    ) {
+        let mut sums = Response::default();
+        entries.iter().for_each(|&(_, column, _)| sums.add(planes.map(|plane| &plane[column]), light.whole[column]));
+        self.whole[number] += sums.square();
+
+        // Rounding alone; then entry after entry loses all of itself instead.
+        let mut lost = Response::default();
+        entries.iter().for_each(|(_, column, rest)| lost.add(rest.each_ref(), light.truncated[*column]));
+        let (mut next, count) = (entries.partition_point(|entry| entry.0.is_none()), self.lights.len());
+        let mut square = lost.square();
+        self.lost[number] += square;
+        for bin in 0..self.bins.len() {
+            let before = next;
+            while let Some((Some(at), column, rest)) = entries.get(next)
+                && *at == bin
+            {
+                lost.add(planes.map(|plane| &plane[*column]), light.truncated[*column]);
+                lost.add(rest.each_ref(), light.truncated[*column].map(|x| -x));
+                next += 1;
+            }
+            if next > before {
+                square = lost.square();
+            }
+            self.lost[(bin + 1) * count + number] += square;
+        }
     }
 
     /// Adds what another survey counted. Merge in a fixed order: sums are in floating point.
@@ -86,9 +168,18 @@ impl Survey {
                 mine[k] += theirs[k];
             }
         }
+        let pairs = self.whole.iter_mut().zip(&other.whole).chain(self.lost.iter_mut().zip(&other.lost));
+        pairs.for_each(|(mine, theirs)| *mine += theirs);
     }
 
-    /// The largest threshold whose expected error does not exceed `tolerance`; 0, with the error that rounding alone
+    /// The relative error under each light if the first `bins` bins are dropped.
+    fn errors(&self, bins: usize) -> Vec<f64> {
+        let own = &self.lost[bins * self.lights.len()..][..self.lights.len()];
+        let relative = |(lost, whole): (&f64, &f64)| if *whole > 0.0 { (lost / whole).sqrt() } else { 0.0 };
+        own.iter().zip(&self.whole).map(relative).collect()
+    }
+
+    /// The largest threshold up to which the error does not exceed `tolerance`; 0, with the error that rounding alone
     /// makes, where none does.
     pub fn threshold_for(&self, tolerance: f64) -> Result<Threshold> {
         if !(0.0..1.0).contains(&tolerance) {
@@ -97,19 +188,25 @@ impl Survey {
         let column = |k: usize| self.always_kept[k] + self.bins.iter().map(|bin| bin[k]).sum::<f64>();
         let [mut entries, total, mut lost] = [column(0), column(1), column(2)];
         let per_group = |entries: f64| entries / self.groups.max(1) as f64;
-        let error = |lost: f64| if total > 0.0 { (lost.max(0.0) / total).sqrt() } else { 0.0 };
-        let mut choice = Threshold { value: 0.0, error: error(lost), entries_per_group: per_group(entries) };
+        let expected = |lost: f64| if total > 0.0 { (lost.max(0.0) / total).sqrt() } else { 0.0 };
+        let threshold = |bins: usize, value: f64, lost: f64, entries: f64| {
+            let errors = self.errors(bins);
+            let deciding = errors.iter().zip(self.lights.iter()).filter(|(_, light)| light.decides);
+            let error = deciding.map(|(&error, _)| error).reduce(f64::max).unwrap_or(expected(lost));
+            Threshold { value, error, errors, entries_per_group: per_group(entries) }
+        };
+        let mut choice = threshold(0, 0.0, lost, entries);
 
         // Drop bin after bin, the smallest energies first: a dropped entry loses its energy instead of its rounding.
         for (k, bin) in self.bins.iter().enumerate() {
             lost += bin[1] - bin[2];
             entries -= bin[0];
-            if error(lost) > tolerance {
+            let upper = f64::from(OCTAVES.start) + (k + 1) as f64 / f64::from(BINS);
+            let next = threshold(k + 1, (upper / 2.0).exp2(), lost, entries);
+            if next.error > tolerance {
                 break;
             }
-            let upper = f64::from(OCTAVES.start) + (k + 1) as f64 / f64::from(BINS);
-            choice =
-                Threshold { value: (upper / 2.0).exp2(), error: error(lost), entries_per_group: per_group(entries) };
+            choice = next;
         }
         Ok(choice)
     }
@@ -118,6 +215,25 @@ impl Survey {
 fn energy<const C: usize>(entry: [&Rows16; C]) -> f64 {
     let of = |lanes: &Rows16| lanes.iter().map(|&value| f64::from(value) * f64::from(value)).sum::<f64>();
     entry[1..].iter().fold(of(entry[0]), |sum, lanes| sum + of(lanes))
+}
+
+/// The response of 16 rows to a light.
+#[derive(Default)]
+struct Response([[f64; GROUP]; 3]);
+
+impl Response {
+    #[inline(always)]
+    fn add<const C: usize>(&mut self, entry: [&Rows16; C], light: [f64; 3]) {
+        for (colour, (sums, light)) in self.0.iter_mut().zip(light).enumerate() {
+            for (sum, &value) in sums.iter_mut().zip(entry[colour % C]) {
+                *sum += f64::from(value) * light;
+            }
+        }
+    }
+
+    fn square(&self) -> f64 {
+        self.0.as_flattened().iter().map(|sum| sum * sum).sum()
+    }
 }
 
 /// The bin of a weighted energy; what lies outside the octaves goes to the ends.

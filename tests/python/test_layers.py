@@ -52,8 +52,8 @@ PYTHON_NEVER = {
     "scene": {"light", "columns", "update"},
     # A file opens without a reader of meshes, and M knows no light.
     "transport": {"light", "update"},
-    # M is the same under every light and method.
-    "precomputation": {"light", "update"},
+    # M is the same under every method, and under every light: it only knows those that it is measured under.
+    "precomputation": {"update"},
     "relight": {"scene"},
     # The report and the studies look at transports and light.
     "report": {"scene", "precomputation"},

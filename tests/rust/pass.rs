@@ -1,6 +1,7 @@
 //! What all passes share, on a pass whose rows are known: several factors, three channels, any split.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use _core::basis::ColumnSpace;
 use _core::error::{Error, Result};
@@ -90,10 +91,10 @@ proptest! {
         let rows = groups * GROUP - 3;
         let pass = ready(space, rows, channels, factors, seed);
         let rules = vec![rule(space, 0.0, Width::I8); factors];
-        let (found, rays) = survey(&pass, usize::MAX, &rules, &|_| Ok(())).unwrap();
+        let (found, rays) = survey(&pass, usize::MAX, &rules, &Arc::default(), &|_| Ok(())).unwrap();
         prop_assert_eq!(rays.first, rows as u64);
         for (dense, found) in pass.factors.iter().zip(&found) {
-            let mut expected = Survey::new(&space.bands(), &rules[0]);
+            let mut expected = Survey::new(&space.bands(), &rules[0], Arc::default()).unwrap();
             for first in (0..rows).step_by(GROUP) {
                 let planes = dense.planes(first);
                 expected.add(&planes.iter().map(Vec::as_slice).collect::<Vec<_>>()).unwrap();
@@ -127,7 +128,7 @@ fn a_pass_that_is_stopped_stops_and_rows_beyond_its_end_are_refused() {
     let rules = vec![rule(space, 0.0, Width::I8); 2];
     let stop = |_| Err(Error::input("enough"));
     assert!(tile(&pass, 0..128, &rules, &stop).is_err());
-    assert!(survey(&pass, 3, &rules, &stop).is_err());
+    assert!(survey(&pass, 3, &rules, &Arc::default(), &stop).is_err());
     assert!(probe(&pass, 0.1, &rules, &stop).is_err());
     for rows in [0..0, 100..201, 300..310] {
         assert!(tile(&pass, rows, &rules, &|_| Ok(())).is_err());

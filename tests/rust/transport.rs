@@ -5,8 +5,8 @@ use _core::error::Error;
 use _core::transport::entry::power_of_two;
 use _core::transport::truncate::compress_portable;
 use _core::transport::{
-    Channels, CompressedGroup, Dense, GROUP, Rows16, Survey, TransportMatrix, Truncation, Width, bf16, bf16_up,
-    compress_group,
+    Channels, CompressedGroup, Dense, GROUP, Measure, Rows16, Survey, TransportMatrix, Truncation, Width, bf16,
+    bf16_up, compress_group,
 };
 use _core::update::Span;
 use proptest::prelude::*;
@@ -228,7 +228,7 @@ proptest! {
     fn thresholds_meet_their_tolerance(seed: u64, tolerance in 0.02f64..0.5, channels in channels_strategy()) {
         let space = ColumnSpace::haar(8).unwrap();
         let (bands, dense) = (space.bands(), random_dense(space, 64, channels, seed));
-        let mut survey = Survey::new(&bands, &rule(space, 0.0, Width::I8));
+        let mut survey = Survey::new(&bands, &rule(space, 0.0, Width::I8), std::sync::Arc::default()).unwrap();
         (0..4).for_each(|group| survey.add(&views(&dense.planes(16 * group))).unwrap());
         let choice = survey.threshold_for(tolerance).unwrap();
         let matrix = dense.compress(space, &rule(space, choice.value, Width::I8), 64).unwrap();
@@ -241,6 +241,36 @@ proptest! {
         prop_assert!(choice.error <= tolerance);
         prop_assert!(((lost / all).sqrt() - choice.error).abs() <= 1e-3 * choice.error, "{} {}", (lost / all).sqrt(), choice.error);
         prop_assert!((choice.entries_per_group - matrix.entries() as f64 / 4.0).abs() < 1e-9);
+    }
+
+    /// An error that is measured under lights is that of products, and the worst of those that decide keeps the tolerance.
+    #[test]
+    fn measured_errors_are_those_of_products(seed: u64, tolerance in 0.02f64..0.5, channels in channels_strategy()) {
+        let space = ColumnSpace::haar(8).unwrap();
+        let (bands, dense) = (space.bands(), random_dense(space, 64, channels, seed));
+        let mut random = noise(seed ^ 7);
+        let mut light = || -> Vec<[f64; 3]> {
+            bands.areas.iter().map(|area| std::array::from_fn(|_| area.sqrt() * random().powi(5))).collect()
+        };
+        let lights: Vec<Measure> = [true, true, false]
+            .map(|decides| Measure { truncated: light(), whole: light(), decides })
+            .into();
+        let rule_of = |threshold| rule(space, threshold, Width::I8);
+        let mut parts = [0, 1].map(|_| Survey::new(&bands, &rule_of(0.0), lights.clone().into()).unwrap());
+        (0..4).for_each(|group| parts[group % 2].add(&views(&dense.planes(16 * group))).unwrap());
+        let [mut survey, other] = parts;
+        survey.merge(&other);
+        let choice = survey.threshold_for(tolerance).unwrap();
+        let stored = Dense::of(&dense.compress(space, &rule_of(choice.value), 64).unwrap());
+        for (light, &error) in lights.iter().zip(&choice.errors) {
+            let product = |dense: &Dense, light: &[[f64; 3]]| dense.multiply(light.as_flattened(), 3);
+            let (kept, truth) = (product(&stored, &light.truncated), product(&dense, &light.truncated));
+            let lost: f64 = kept.iter().zip(&truth).map(|(a, b)| (a - b).powi(2)).sum();
+            let whole: f64 = product(&dense, &light.whole).iter().map(|b| b * b).sum();
+            prop_assert!(((lost / whole).sqrt() - error).abs() <= 1e-6 + 1e-3 * error, "{} {}", (lost / whole).sqrt(), error);
+        }
+        prop_assert_eq!(choice.error, choice.errors[0].max(choice.errors[1]));
+        prop_assert!(choice.error <= tolerance || choice.value == 0.0);
     }
 }
 

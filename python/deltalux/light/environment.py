@@ -316,8 +316,9 @@ class Environment:
     def peaks(self, k: int = 128, size: int = 64) -> list[Peak]:
         """Suns and lamps: the small bright lights that columns with texels take out of the wavelets.
 
-        They are found once for each map, in what of it lies above four times its mean, and turn with it. What is smaller
-        than a texel is one peak; a window is as many as it covers texels. A peak below 0.02 % of the map's flux is none.
+        They are found once for each map, in what of it lies above four times its mean, and turn with it. What is
+        smaller than a texel is one peak; a window is as many as it covers texels. A peak below 0.02 % of the map's flux
+        is none.
 
         Parameters
         ----------
@@ -365,7 +366,7 @@ class Environment:
     # Light projects itself: columns ask for these two, and know nothing of maps and turns.
 
     def _haar(self, size: int, peaks: int | None = None) -> NDArray[np.float64]:
-        """`Haar.coefficients`: what the light is in wavelets on faces of `size` x `size` texels, and peaks in texels."""
+        """`Haar.coefficients`: the light in wavelets on faces of `size` x `size` texels, and its peaks in texels."""
         return environment_coefficients(self._layers, size, peaks)
 
     def _harmonics(self, order: int) -> NDArray[np.float64]:

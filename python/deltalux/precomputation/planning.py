@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from .._core import threads as used_threads
 from ..transport.entry import GROUP, TILE_ROWS, TILES_PER_SHARD, entry_bytes
 from ..transport.plan import Cost, LeftOut, Part, Plan
-from .preparation import BUNDLE, QUANTUM, Prepared, surveyed_bundles
+from .preparation import BUNDLE, QUANTUM, Prepared, Survey, surveyed_bundles
 from .room import INTERPRETER, PIXEL, TRIANGLE
 
-__all__ = ["DIRECT", "make_plan"]
+__all__ = ["DIRECT", "make_plan", "said"]
 
 DIRECT = "direct"
 """The part, and the pass, of light that arrives directly."""
@@ -39,7 +39,7 @@ class _Probe:
     edge_rays: float
     above_share: float
     hit_share: float
-    entries_per_group: float
+    survey: Survey
     uncertainty: float
 
 
@@ -57,7 +57,7 @@ def make_plan(prepared: Prepared) -> Plan:
         channels=prepared.direct.channels,
         factors=prepared.direct.factors,
         bounces=0,
-        why=f"light of {6 * columns.face**2:,} texels that arrives directly",
+        why=f"light of {6 * columns.face**2:,} texels that arrives directly{_texels(prepared, probe)}",
         cost=_cost(prepared, probe),
     )
     return Plan(
@@ -68,23 +68,38 @@ def make_plan(prepared: Prepared) -> Plan:
         tolerance=settings.tolerance,
         parts=[part],
         left_out=_left_out(prepared, probe, part),
+        errors=probe.survey.errors,
+        without=probe.survey.without,
         notes=[*(f"{count} {what}" for what, count in scene.counts.items() if count), *scene.warnings],
     )
 
 
+def _texels(prepared: Prepared, probe: _Probe) -> str:
+    """What texel columns cost this scene; what they buy is in the plan's errors."""
+    size = probe.survey.looked.texel_bytes * prepared.bundles / 1e6
+    return f"; suns and lamps through texels, {size:,.1f} MB" if size else ""
+
+
+def said(survey: Survey, prepared: Prepared) -> str:
+    """The error that a threshold was chosen for, in words."""
+    measured = any(light.decides for light in prepared.lights)
+    how = "of the picture at most, measured" if measured else "expected image error"
+    return f"{100 * survey.looked.error:.3g} % {how}"
+
+
 def _probe(prepared: Prepared) -> _Probe:
     """Surveys a few bundles for a threshold, and then makes bundles as the pass will, for most of a second."""
-    width = prepared.settings.width
     # Of a small scene less: what is looked at here is traced once more.
     looked = max(1, min(_LOOKED, prepared.bundles // 32))
     started = prepared.clock()
-    threshold, _, entries, _, _, rays, unhit = prepared.direct.survey(
-        looked, tolerance=prepared.settings.tolerance, quantum=QUANTUM, width=width
-    )
+    survey = prepared.survey(looked)
+    threshold, rays = survey.looked.threshold, survey.looked.first_rays
     surveyed = prepared.clock() - started
     # Where all is done in a moment, a probe would take longer than the work.
     seconds = min(_PROBE, max(0.015 * surveyed / looked * prepared.bundles, 0.005))
-    bundles, took, first, edge = prepared.direct.probe(seconds, threshold=threshold, quantum=QUANTUM, width=width)
+    bundles, took, first, edge = prepared.direct.probe(
+        seconds, threshold=threshold, quantum=QUANTUM, width=prepared.settings.width
+    )
     texels = 6 * prepared.columns.face**2
     return _Probe(
         bundle_seconds=took / bundles,
@@ -92,8 +107,8 @@ def _probe(prepared: Prepared) -> _Probe:
         first_rays=first / bundles,
         edge_rays=edge / bundles,
         above_share=rays / (min(looked * BUNDLE, prepared.count) * texels),
-        hit_share=1 - unhit / max(rays, 1),
-        entries_per_group=entries,
+        hit_share=1 - survey.looked.open_rays / max(rays, 1),
+        survey=survey,
         uncertainty=min(_SCATTER + 0.5 / bundles**0.5, _AT_MOST),
     )
 
@@ -103,12 +118,15 @@ def _cost(prepared: Prepared, probe: _Probe) -> Cost:
     groups, tiles = -(-rows // GROUP), -(-rows // TILE_ROWS)
     channels = prepared.direct.channels
     entry = entry_bytes(settings.width, channels)
-    tile = TILE_ROWS / GROUP * probe.entries_per_group * entry
-    audit = min(_AUDIT_GROUPS, groups // 64) * columns.columns * _FILLED * entry_bytes("i16", channels)
+    entries, texels = probe.survey.looked.entries_per_group, probe.survey.looked.texel_bytes
+    tile = TILE_ROWS / GROUP * entries * entry + TILE_ROWS / BUNDLE * texels
+    # Columns that have entries: texels have none.
+    stored = columns.columns // 2 if texels else columns.columns
+    audit = min(_AUDIT_GROUPS, groups // 64) * stored * _FILLED * entry_bytes("i16", channels)
     bands = int(columns.bands[-1]) + 1
     camera = prepared.scene.camera
     receivers = rows * (4 + 4 + 36 + 2) + 4 * camera.width * camera.height
-    matrix = groups * probe.entries_per_group * entry + tiles * 4 * (columns.columns + 1) + rows * bands * 4
+    matrix = groups * entries * entry + tiles * 4 * (stored + 1) + rows * bands * 4 + prepared.bundles * texels
     seconds = (
         surveyed_bundles(rows) * probe.survey_seconds
         + prepared.bundles * probe.bundle_seconds
@@ -154,7 +172,8 @@ def _left_out(prepared: Prepared, probe: _Probe, part: Part) -> list[LeftOut]:
             f"{100 * (1 - probe.above_share):.0f} % of {6 * columns.face**2:,} directions a receiver",
         )
     )
-    kept = probe.entries_per_group / columns.columns
+    looked = probe.survey.looked
+    kept = looked.entries_per_group / (columns.columns // 2 if looked.texel_bytes else columns.columns)
     if settings.tolerance > 0 and kept < 1:
         left_out.append(
             LeftOut("entries that truncation finds too small", f"{100 * (1 - kept):.1f} % of columns in 16 rows")

@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from numbers import Real
 
 import numpy as np
 
-from .._core import DirectPass
+from .._core import DirectPass, Looked
 from .._core import Scene as CoreScene
 from ..columns import Columns, parse
 from ..scene.scene import Scene
+from .lights import lights
 from .quality import QUALITIES, Quality
 from .room import check_request
 
-__all__ = ["BUNDLE", "QUANTUM", "Prepared", "surveyed_bundles"]
+__all__ = ["BUNDLE", "COLUMNS", "QUANTUM", "Prepared", "Survey", "surveyed_bundles"]
 
+COLUMNS = "haar:64+texels"
+"""The basis where none is asked for."""
 QUANTUM = -24
 """Every value of M is an integer times 2^-24: below what an image can show, coarse enough for exact sums. (Groups with
 rows too long for that have units of their own.)"""
@@ -32,6 +35,15 @@ _SURVEY = (8, 64)
 def surveyed_bundles(rows: int) -> int:
     """How many bundles of so many rows are looked at to choose the threshold."""
     return min(max(rows // (20 * BUNDLE), _SURVEY[0]), _SURVEY[1])
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What a survey has found, and the worst error under each light: with peaks in texels, if any, and without."""
+
+    looked: Looked
+    errors: dict[str, float]
+    without: dict[str, float]
 
 
 class Prepared:
@@ -60,12 +72,31 @@ class Prepared:
         self.count = len(self.rows)
         if self.count == 0:
             raise ValueError(f"the camera sees nothing of {scene.name}: no pixel shows a surface")
+        # Drawn here, once: no clock that times a survey is to time this.
+        self.lights = lights(self.columns)
         self.direct = DirectPass(core, self.rows, columns=str(self.columns), edge_side=self.settings.edge_side)
 
     @property
     def bundles(self) -> int:
         """Bundles of all rows."""
         return -(-self.count // BUNDLE)
+
+    def survey(self, bundles: int, progress: Callable[[int], None] | None = None) -> Survey:
+        """Looks at some bundles: by which threshold the tolerance is kept, and what follows from it."""
+        found = self.direct.survey(
+            bundles,
+            tolerance=self.settings.tolerance,
+            quantum=QUANTUM,
+            width=self.settings.width,
+            lights=[(light.decides, light.truncated, light.whole) for light in self.lights],
+            progress=progress,
+        )
+        errors: dict[str, float] = {}
+        without: dict[str, float] = {}
+        for light, error in zip(self.lights, found.errors, strict=True):
+            of = without if light.peaks == 0 else errors
+            of[light.name] = max(error, of.get(light.name, 0.0))
+        return Survey(found, errors, without)
 
 
 def _settings(quality: str, tolerance: float | None) -> Quality:

@@ -18,15 +18,15 @@ from ..scene.scene import Scene
 from ..transport.entry import TILE_ROWS, TILES_PER_SHARD
 from ..transport.plan import Part, Plan
 from ..transport.transport import Transport
-from .planning import DIRECT, make_plan
-from .preparation import BUNDLE, QUANTUM, Prepared, surveyed_bundles
+from .planning import DIRECT, make_plan, said
+from .preparation import BUNDLE, COLUMNS, QUANTUM, Prepared, surveyed_bundles
 from .room import check_folder_of, check_room
 
 __all__ = ["Precomputation", "plan", "precompute"]
 
 
 def plan(
-    scene: Scene, *, columns: Columns | str = "haar:64", quality: str = "publication", tolerance: float | None = None
+    scene: Scene, *, columns: Columns | str = COLUMNS, quality: str = "publication", tolerance: float | None = None
 ) -> Plan:
     """What `precompute` would compute and leave out, and what it would cost.
 
@@ -57,7 +57,7 @@ def precompute(
     path: str | os.PathLike[str],
     *,
     receivers: str = "pixels",
-    columns: Columns | str = "haar:64",
+    columns: Columns | str = COLUMNS,
     quality: str = "publication",
     tolerance: float | None = None,
     progress: bool | Progress = True,
@@ -76,11 +76,13 @@ def precompute(
     receivers
         "pixels": the rows of M are what the pixels of the camera show.
     columns
-        The basis of the light: `Haar` or `SphericalHarmonics`, or its name ("haar:64", "sh:20").
+        The basis of the light: `Haar` or `SphericalHarmonics`, or its name ("haar:64", "sh:20"). With texels
+        ("haar:64+texels"), the default, suns and lamps go through transport that is not truncated.
     quality
         "preview", "publication" or "lossless" (`QUALITIES`).
     tolerance
-        Relative L2 error of the image that truncation may cause (default: the quality's).
+        Relative L2 error of the image that truncation may cause (default: the quality's): with texels the worst that is
+        measured under the built-in lights and a sun, else expected of light with the spectrum of natural scenes.
     progress
         True: a bar on standard error. A callable: progress(rows done, rows in all).
 
@@ -171,14 +173,10 @@ class _Run:
         bundles = surveyed_bundles(count)
         looked = min(bundles * BUNDLE, count)
         total = looked + count
-        threshold, error, _, groups, tile, _, _ = self.prepared.direct.survey(
-            bundles,
-            tolerance=settings.tolerance,
-            quantum=QUANTUM,
-            width=settings.width,
-            progress=lambda done: self.tell(done, total),
-        )
-        self.audit = (groups, tile)
+        survey = self.prepared.survey(bundles, lambda done: self.tell(done, total))
+        threshold = survey.looked.threshold
+        self.audit = (survey.looked.groups, survey.looked.audit)
+        self.survey = survey
         tiles = -(-count // TILE_ROWS)
         finished = set(self.writer.finished(part.name))
         for shard in range(-(-tiles // TILES_PER_SHARD)):
@@ -188,7 +186,7 @@ class _Run:
                 self.writer.write_shard(part.name, shard, made)
             self.tell(looked + min(numbers.stop * TILE_ROWS, count), total)
         self.parts.append((part.name, part.columns, count, part.channels, QUANTUM, settings.width, TILE_ROWS))
-        self.notes.append(f"truncated at {threshold:.3g}: {100 * error:.3g} % expected image error")
+        self.notes.append(f"truncated at {threshold:.3g}: {said(survey, self.prepared)}")
 
     def _tile(self, tile: int, threshold: float, looked: int, total: int) -> TileData:
         first = tile * TILE_ROWS
@@ -220,7 +218,7 @@ class _Run:
             parts=self.parts,
             receivers=table,
             camera=json.dumps(asdict(camera)),
-            plan=plan.done(self.notes).to_json(),
+            plan=plan.done(self.notes, self.survey.errors, self.survey.without).to_json(),
             scene=scene.content_hash(),
             audit=(groups, tile) if len(groups) else None,
         )

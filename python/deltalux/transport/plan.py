@@ -6,6 +6,7 @@ It lies with the transport, which keeps it, and not with its maker: a file opens
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
@@ -113,6 +114,11 @@ class Plan:
         What this scene does not need, each with its reason.
     notes
         What was found in the scene: degenerate and duplicate triangles, materials that were replaced.
+    errors
+        Relative L2 error of the picture by truncation, the worst that was measured under each of the built-in lights
+        and under a sun; of a plan, on the rows of its probe. Empty in files before 0.3.
+    without
+        The same if all of the light went through the wavelets; empty where it does.
     """
 
     scene: str
@@ -123,6 +129,8 @@ class Plan:
     parts: list[Part] = field(default_factory=list)
     left_out: list[LeftOut] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    errors: dict[str, float] = field(default_factory=dict)
+    without: dict[str, float] = field(default_factory=dict)
 
     @property
     def rows(self) -> int:
@@ -158,12 +166,19 @@ class Plan:
         width, height = self.picture
         lines = [f"{self.scene}: {self.triangles:,} triangles, {width} x {height} pixels"]
         lines += [f"  compute   {part}" for part in self.parts]
-        lines += [f"  quality   {self.quality}: truncated to {100 * self.tolerance:g} % expected image error"]
+        lines.append(f"  quality   {self.quality}: truncated to {100 * self.tolerance:g} % {self._how()}")
+        if self.errors:
+            lines.append(f"  measured  {_errors(self.errors)}")
+        if self.without:
+            lines.append(f"            without texels {_errors(self.without)}")
         if self.costs:
             lines.append(f"  cost      {self._cost()}")
         lines += [f"  left out  {reason}" for reason in self.left_out]
         lines += [f"  note      {note}" for note in self.notes]
         return "\n".join(lines)
+
+    def _how(self) -> str:
+        return "of the picture, the worst that is measured" if self.without else "expected image error"
 
     def _cost(self) -> str:
         least, most = (sum(getattr(cost, name) for cost in self.costs) for name in ("least_seconds", "most_seconds"))
@@ -173,20 +188,22 @@ class Plan:
             f"{_megabytes(self.bytes_in_memory)} MB in memory"
         )
 
-    def done(self, notes: list[str]) -> Plan:
+    def done(self, notes: list[str], errors: dict[str, float], without: dict[str, float]) -> Plan:
         """The plan as it was carried out, without what depends on the machine.
 
         Parameters
         ----------
         notes
             What was found while it ran.
+        errors, without
+            What was measured.
 
         Returns
         -------
         Plan
         """
         parts = [replace(part, cost=None) for part in self.parts]
-        return replace(self, parts=parts, notes=[*self.notes, *notes])
+        return replace(self, parts=parts, notes=[*self.notes, *notes], errors=errors, without=without)
 
     def to_json(self) -> str:
         """The plan as text, which `from_json` reads, but for the cost: a file is read on other machines.
@@ -228,6 +245,7 @@ _Shape = tuple[Any, Callable[[Any], bool], str]
 _COUNT: _Shape = (int, lambda value: 0 <= value < 1 << 63, "a count")
 _TEXT: _Shape = (str, lambda value: True, "a text")
 _SHARE: _Shape = ((int, float), lambda value: 0 <= value < 1, "a share")
+_ERROR: _Shape = ((int, float), lambda value: 0 <= value < math.inf, "an error")
 _PART: dict[str, _Shape] = {
     **{name: _TEXT for name in ("name", "make", "columns", "why")},
     **{name: _COUNT for name in ("rows", "column_count", "bands", "channels", "factors", "bounces")},
@@ -247,7 +265,20 @@ def _read(found: Mapping[str, Any]) -> Plan:
         raise ValueError("expected a plan of at least one part, found none")
     left_out = [LeftOut(**_known(LeftOut, reason)) for reason in found["left_out"]]
     notes = [_checked("notes", note, _TEXT) for note in found["notes"]]
-    return Plan(**_known(Plan, found), picture=(width, height), parts=parts, left_out=left_out, notes=notes)
+    return Plan(
+        **_known(Plan, found),
+        picture=(width, height),
+        parts=parts,
+        left_out=left_out,
+        notes=notes,
+        errors=_measured("errors", found.get("errors", {})),
+        without=_measured("without", found.get("without", {})),
+    )
+
+
+def _measured(name: str, errors: Mapping[str, Any]) -> dict[str, float]:
+    """Errors by the names of lights; plans before 0.3 have none."""
+    return {light: float(_checked(f"{name} of {light}", error, _ERROR)) for light, error in errors.items()}
 
 
 def _known(kind: type[Any], values: Mapping[str, Any]) -> dict[str, Any]:
@@ -268,6 +299,11 @@ def _from_version1(found: Mapping[str, Any]) -> dict[str, Any]:
     part |= {"name": "direct", "make": "direct", "why": "light that arrives directly"}
     left_out = [dict(zip(("what", "why"), reason.partition(": ")[::2], strict=True)) for reason in found["left_out"]]
     return {**found, "parts": [part], "left_out": left_out}
+
+
+def _errors(errors: Mapping[str, float]) -> str:
+    """Percent, light by light."""
+    return ", ".join(f"{name} {100 * error:.2g}" for name, error in errors.items()) + " %"
 
 
 def _duration(seconds: float) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -128,6 +129,22 @@ class Transport:
             return Plan.from_json(self._core.plan)
         except ValueError as error:
             raise FileError(f"{_MANIFEST}: {error}") from None
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """Relative L2 error of the picture by truncation, measured when the transport was made, by the names of lights:
+        the built-in ones, and "sun", one texel. Empty in files before 0.3 and in transports that were truncated since.
+        """
+        return dict(self.plan.errors)
+
+    @property
+    def error(self) -> float:
+        """The worst of `errors`; ValueError where there are none."""
+        if not self.plan.errors:
+            raise ValueError(
+                "expected a transport with measured errors, but its file has none: make it anew to know them"
+            )
+        return max(self.plan.errors.values())
 
     @cached_property
     def receivers(self) -> Receivers:
@@ -444,7 +461,9 @@ class Transport:
             If the disk refuses.
         """
         threshold, _, _ = self._core.threshold_for(tolerance)
-        self._core.truncate_to(path, threshold, plan=self._core.plan)
+        # What was measured of this transport does not hold of that one.
+        plan = replace(self.plan, errors={}, without={}, tolerance=tolerance)
+        self._core.truncate_to(path, threshold, plan=plan.to_json())
         return Transport.open(path)
 
     def coarsened(self, tolerance: float, width: str) -> Transport:

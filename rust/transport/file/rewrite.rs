@@ -1,6 +1,7 @@
 //! A stored M under a coarser rule: how it is chosen, and how it is written.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use rayon::prelude::*;
 
@@ -19,7 +20,7 @@ const PART: &str = "direct";
 
 /// The energies of all groups of a matrix; tile by tile, merged in order.
 pub fn survey(matrix: &TransportMatrix, rule: &Truncation) -> Result<Survey> {
-    let empty = Survey::new(&matrix.bands, rule);
+    let empty = Survey::new(&matrix.bands, rule, Arc::default())?;
     let parts = matrix.tiles.par_iter().map(|tile| {
         let mut part = empty.clone();
         tile.for_each_group(matrix.bands.stored(), matrix.quantum, |_, planes| part.add(planes))?;
