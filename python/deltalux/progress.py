@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from typing import TextIO
 
-__all__ = ["Progress", "reporter"]
+__all__ = ["Progress", "Reporter", "reporter"]
 
 Progress = Callable[[int, int], None]
 """Called with (done, total); whatever it raises stops the work."""
@@ -17,14 +17,37 @@ Progress = Callable[[int, int], None]
 _TRUSTED = 0.1
 
 
-def reporter(progress: bool | Progress, what: str, expected: float | None = None) -> Progress:
+class Reporter:
+    """What long work tells: how far it is, and now and then a line. This one is silent."""
+
+    def __call__(self, done: int, total: int) -> None:
+        """So much is done."""
+
+    def say(self, text: str) -> None:
+        """A line of its own."""
+
+    def expect(self, seconds: float) -> None:
+        """So many seconds are to go, as is known by now."""
+
+
+def reporter(progress: bool | Progress, what: str, expected: float | None = None) -> Reporter:
     """The user's callback, a bar on standard error, or silence; a bar may be told how many seconds to expect."""
     if callable(progress):
-        return progress
-    return _Bar(what, sys.stderr, expected) if progress else lambda done, total: None
+        return _Callback(progress)
+    return _Bar(what, sys.stderr, expected) if progress else Reporter()
 
 
-class _Bar:
+class _Callback(Reporter):
+    """Somebody else's bar."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
+
+    def __call__(self, done: int, total: int) -> None:
+        self._progress(done, total)
+
+
+class _Bar(Reporter):
     """One line that is drawn over; nothing is drawn before the first second."""
 
     def __init__(self, what: str, stream: TextIO, expected: float | None = None) -> None:
@@ -51,6 +74,15 @@ class _Bar:
         start = "\r" if self._stream.isatty() else ""
         self._stream.write(f"{start}{text:<78}{end}")
         self._stream.flush()
+
+    def say(self, text: str) -> None:
+        # Over the bar, if it stands there.
+        start = "\r" if self._open and self._stream.isatty() else ""
+        self._stream.write(f"{start}{text:<78}\n")
+        self._stream.flush()
+
+    def expect(self, seconds: float) -> None:
+        self._expected = time.monotonic() - self._started + seconds
 
     def _left(self, share: float, elapsed: float) -> float:
         """Seconds to go: what was expected before anything was done, and by and by what the work itself tells."""

@@ -28,9 +28,22 @@ use crate::basis::{HARMONIC_FACE, HarmonicProjection};
 use crate::error::{Error, Result};
 
 use super::layout::{Layout, unrotate};
-use super::lookup::{lat_long, seamless};
+use super::lookup::{lat_long, lat_long_all, seamless};
 use super::peaks::Peak;
 use super::resample::Prepared;
+
+/// Directions that one task looks in.
+const PIECE: usize = 4096;
+
+/// The pixels of a picture behind which light is seen.
+pub struct Behind {
+    /// Their numbers, row-major.
+    pub pixels: Vec<u32>,
+    /// What share of each shows no surface.
+    pub shares: Vec<f32>,
+    /// Unit directions of their centres.
+    pub directions: Vec<[f32; 3]>,
+}
 
 /// A map of distant radiance.
 pub struct EnvironmentMap {
@@ -106,6 +119,35 @@ impl EnvironmentMap {
     pub fn sample(&self, directions: &[[f64; 3]], rotation: &[[f64; 3]; 3], scale: f64) -> Vec<[f32; 3]> {
         let look = |&direction: &[f64; 3]| self.lookup(unrotate(rotation, direction)).map(|c| (c * scale) as f32);
         directions.par_iter().map(look).collect()
+    }
+
+    /// Adds to some pixels of a picture this map, turned and scaled, as it is seen in their directions (of length 1), times
+    /// the share of each that shows it.
+    pub fn add_behind(&self, behind: &Behind, rotation: &[[f64; 3]; 3], scale: f64, picture: &mut [[f32; 3]]) {
+        let seen: Vec<Vec<[f32; 3]>> = behind
+            .directions
+            .par_chunks(PIECE)
+            .map(|directions| {
+                let turned: Vec<[f32; 3]> =
+                    directions.iter().map(|&d| unrotate(rotation, d.map(f64::from)).map(|x| x as f32)).collect();
+                match self.layout {
+                    Layout::LatLong { width, height } => {
+                        let mut seen = vec![[0.0; 3]; turned.len()];
+                        lat_long_all(&self.pixels, width, height, &turned, &mut seen);
+                        seen
+                    }
+                    Layout::Cubemap { size } => turned
+                        .iter()
+                        .map(|&d| seamless(&self.pixels, size, d.map(f64::from)).map(|x| x as f32))
+                        .collect(),
+                }
+            })
+            .collect();
+        let seen = seen.iter().flatten();
+        for ((colour, &pixel), share) in seen.zip(&behind.pixels).zip(&behind.shares) {
+            let share = share * scale as f32;
+            (0..3).for_each(|c| picture[pixel as usize][c] += share * colour[c]);
+        }
     }
 
     /// Bytes held, prepared sizes included.

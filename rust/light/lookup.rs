@@ -29,6 +29,73 @@ pub fn lat_long(pixels: &[[f32; 3]], width: usize, height: usize, direction: [f6
     mix(line(0), line(1), v - top)
 }
 
+/// `lat_long` for many directions of length 1, in f32: angles to a few millionths, far less than a pixel of any map.
+pub fn lat_long_all(pixels: &[[f32; 3]], width: usize, height: usize, directions: &[[f32; 3]], out: &mut [[f32; 3]]) {
+    #[cfg(target_arch = "x86_64")]
+    if is_x86_feature_detected!("avx2") {
+        // SAFETY: the processor has AVX2.
+        return unsafe { lat_long_avx2(pixels, width, height, directions, out) };
+    }
+    lat_long_any(pixels, width, height, directions, out)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn lat_long_avx2(pixels: &[[f32; 3]], width: usize, height: usize, directions: &[[f32; 3]], out: &mut [[f32; 3]]) {
+    lat_long_any(pixels, width, height, directions, out)
+}
+
+/// Directions that are turned into angles together.
+const CHUNK: usize = 64;
+
+#[inline(always)]
+fn lat_long_any(pixels: &[[f32; 3]], width: usize, height: usize, directions: &[[f32; 3]], out: &mut [[f32; 3]]) {
+    let (across, down) = (width as f32 / (2.0 * std::f32::consts::PI), height as f32 / std::f32::consts::PI);
+    let (mut u, mut v) = ([0f32; CHUNK], [0f32; CHUNK]);
+    for (directions, out) in directions.chunks(CHUNK).zip(out.chunks_mut(CHUNK)) {
+        for (k, &[x, y, z]) in directions.iter().enumerate() {
+            u[k] = angle(x, -z) * across - 0.5;
+            v[k] = angle((x * x + z * z).sqrt(), y) * down - 0.5;
+        }
+        for (k, out) in out.iter_mut().enumerate() {
+            let (left, top) = (u[k].floor(), v[k].floor());
+            let line = |row: isize| {
+                let inside = row.clamp(0, height as isize - 1);
+                let over = if row == inside { 0 } else { width as isize / 2 };
+                let first = (left as isize + over).rem_euclid(width as isize) as usize;
+                let pixels = &pixels[inside as usize * width..][..width];
+                let (a, b) = (pixels[first], pixels[if first + 1 == width { 0 } else { first + 1 }]);
+                let f = u[k] - left;
+                [0, 1, 2].map(|c: usize| a[c] + (b[c] - a[c]) * f)
+            };
+            let (a, b) = (line(top as isize), line(top as isize + 1));
+            let f = v[k] - top;
+            *out = [0, 1, 2].map(|c: usize| a[c] + (b[c] - a[c]) * f);
+        }
+    }
+}
+
+/// The angle of the point (along, up) from the axis of `along`'s zero: atan2(across, ahead), to 2e-6.
+#[inline(always)]
+fn angle(across: f32, ahead: f32) -> f32 {
+    let (a, b) = (across.abs(), ahead.abs());
+    let (small, large) = (a.min(b), a.max(b));
+    let t = if large > 0.0 { small / large } else { 0.0 };
+    let s = t * t;
+    // Odd polynomial on [0, 1], minimax (Hastings 1955, sheet 13, one term more).
+    let p = -0.004_054_058;
+    let p = p * s + 0.021_861_28;
+    let p = p * s - 0.055_909_887;
+    let p = p * s + 0.096_420_046;
+    let p = p * s - 0.139_085_35;
+    let p = p * s + 0.199_465_56;
+    let p = p * s - 0.333_298_56;
+    let atan = p * s * t + t;
+    let first = if a > b { std::f32::consts::FRAC_PI_2 - atan } else { atan };
+    let half = if ahead < 0.0 { std::f32::consts::PI - first } else { first };
+    if across < 0.0 { -half } else { half }
+}
+
 /// A cubemap between the centres of its texels, without seams at the edges of faces.
 pub fn seamless(texels: &[[f32; 3]], size: usize, direction: [f64; 3]) -> [f64; 3] {
     let (face, s, t) = direction_to_face_uv(direction);

@@ -8,5 +8,5 @@ mod lookup;
 pub mod peaks;
 mod resample;
 
-pub use environment::EnvironmentMap;
+pub use environment::{Behind, EnvironmentMap};
 pub use layout::Layout;

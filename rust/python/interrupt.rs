@@ -147,6 +147,31 @@ pub(crate) fn interruptible<T: Send>(
     })
 }
 
+/// Long work that cannot be told to stop, as a library of others does it: on Ctrl-C it is left behind, to end in its own
+/// time, and what it makes is dropped.
+pub(crate) fn abandonable<T: Send + 'static>(
+    py: Python<'_>,
+    work: impl FnOnce() -> Result<T> + Send + 'static,
+) -> PyResult<T> {
+    let pool = pool()?;
+    let (finished, wait) = mpsc::channel();
+    std::thread::Builder::new()
+        .name("deltalux-work".to_owned())
+        .spawn(move || finished.send(caught(|| pool.install(work))))
+        .map_err(|error| PyRuntimeError::new_err(format!("cannot start a thread: {error}")))?;
+    py.detach(move || {
+        loop {
+            match wait.recv_timeout(POLL) {
+                Ok(outcome) => return outcome?.map_err(PyErr::from),
+                Err(mpsc::RecvTimeoutError::Timeout) => Python::attach(|py| py.check_signals())?,
+                Err(mpsc::RecvTimeoutError::Disconnected) => {
+                    return Err(PyRuntimeError::new_err("internal error in deltalux: a thread ended early"));
+                }
+            }
+        }
+    })
+}
+
 /// Sets how many threads later calls use.
 ///
 /// Parameters

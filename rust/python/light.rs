@@ -1,12 +1,15 @@
 //! Bindings of `basis::haar` and `light`. Shapes, dtypes and values are checked by `deltalux.light.environment` beforehand.
 
 use numpy::ndarray::Array4;
-use numpy::{IntoPyArray, PyArray2, PyArray4, PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArray4};
+use numpy::{
+    IntoPyArray, PyArray2, PyArray4, PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArray4, PyReadwriteArray3,
+    PyUntypedArrayMethods,
+};
 use pyo3::prelude::*;
 
 use crate::basis::haar::Haar;
 use crate::error::{Error, Result};
-use crate::light::{EnvironmentMap, Layout};
+use crate::light::{Behind, EnvironmentMap, Layout};
 
 use super::arrays::{colours, cubemap_colours, not_contiguous, rows, table, triples};
 use super::compute;
@@ -149,6 +152,48 @@ fn environment_radiance<'py>(
     rows(py, (radiance.len(), 3), radiance.into_flattened())
 }
 
+/// Pixels of a picture behind which light is seen; made once for a camera.
+#[pyclass(frozen, name = "Behind", module = "deltalux._core")]
+pub(super) struct PyBehind(Behind);
+
+#[pymethods]
+impl PyBehind {
+    /// shares (h, w) float32: what of each pixel shows no surface; directions (h, w, 3) float64, of length 1.
+    #[new]
+    fn new(shares: PyReadonlyArray2<'_, f32>, directions: PyReadonlyArray3<'_, f64>) -> PyResult<Self> {
+        let ([height, width], found) = ([shares.shape()[0], shares.shape()[1]], directions.shape());
+        if found != [height, width, 3] {
+            let what = format!("expected directions of shape ({height}, {width}, 3), got {found:?}");
+            return Err(Error::input(what).into());
+        }
+        let (shares, directions) = (shares.as_array(), directions.as_array());
+        let mut behind = Behind { pixels: Vec::new(), shares: Vec::new(), directions: Vec::new() };
+        for ((row, column), &share) in shares.indexed_iter().filter(|(_, share)| **share > 0.0) {
+            behind.pixels.push((row * width + column) as u32);
+            behind.shares.push(share);
+            behind.directions.push(std::array::from_fn(|k| directions[[row, column, k]] as f32));
+        }
+        Ok(PyBehind(behind))
+    }
+
+    /// Adds what is seen of the sum of the parts to a picture (h, w, 3), in place.
+    fn add<'py>(&self, py: Python<'py>, parts: Vec<Part>, mut picture: PyReadwriteArray3<'py, f32>) -> PyResult<()> {
+        let pixels: &mut [[f32; 3]] = match picture.as_slice_mut()?.as_chunks_mut::<3>() {
+            (pixels, []) => pixels,
+            _ => return Err(Error::input("expected a picture whose last axis has length 3").into()),
+        };
+        if self.0.pixels.last().is_some_and(|&last| last as usize >= pixels.len()) {
+            return Err(Error::input(format!("expected another picture than one of {} pixels", pixels.len())).into());
+        }
+        compute(py, || {
+            for (weight, map, rotation) in &parts {
+                map.get().0.add_behind(&self.0, rotation, *weight, pixels);
+            }
+            Ok(())
+        })
+    }
+}
+
 /// Haar coefficients of radiance (6, size, size, 3): (6 size^2, 3) float64.
 #[pyfunction]
 fn haar_coefficients<'py>(
@@ -189,6 +234,7 @@ fn checked(expected: usize, found: usize) -> Result<()> {
 /// Adds what this file has for Python to the module.
 pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<PyEnvironmentMap>()?;
+    module.add_class::<PyBehind>()?;
     module.add_function(wrap_pyfunction!(environment_cubemap, module)?)?;
     module.add_function(wrap_pyfunction!(environment_coefficients, module)?)?;
     module.add_function(wrap_pyfunction!(environment_peaks, module)?)?;

@@ -18,7 +18,7 @@ use pyo3::prelude::*;
 
 use crate::error::Error;
 
-pub(crate) use interrupt::{compute, compute_on, interruptible, look_at};
+pub(crate) use interrupt::{abandonable, compute, compute_on, interruptible, look_at};
 
 pyo3::create_exception!(deltalux, FileError, PyValueError, "A file that is not what it claims to be.");
 pyo3::create_exception!(deltalux, Cancelled, PyRuntimeError, "Work that was told to stop.");

@@ -7,10 +7,12 @@ use numpy::{
 use pyo3::prelude::*;
 
 use crate::error::{Error, Result};
+use crate::relight::display::to_display;
 use crate::relight::shade::{Rows, resolve};
 use crate::transport::{ReceiverKind, ReceiverTable as Table};
 
 use super::arrays::{to_vec, to_vec_of_rows};
+use super::compute;
 
 /// The rows of a transport: surface points, and the pixels, vertices or samples that they stand for.
 #[pyclass(frozen, module = "deltalux._core")]
@@ -243,7 +245,24 @@ impl ReceiverTable {
     }
 }
 
+/// 8-bit sRGB of radiance times a scale, of any shape in C order.
+#[pyfunction]
+fn display<'py>(
+    py: Python<'py>,
+    radiance: PyReadonlyArray1<'py, f32>,
+    scale: f32,
+) -> PyResult<Bound<'py, PyArray1<u8>>> {
+    let radiance = radiance.as_slice()?;
+    let shown = compute(py, || {
+        let mut shown = vec![0; radiance.len()];
+        to_display(radiance, scale, &mut shown);
+        Ok(shown)
+    })?;
+    Ok(shown.into_pyarray(py))
+}
+
 /// Adds what this file has for Python to the module.
 pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    module.add_class::<ReceiverTable>()
+    module.add_class::<ReceiverTable>()?;
+    module.add_function(wrap_pyfunction!(display, module)?)
 }

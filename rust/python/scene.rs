@@ -15,7 +15,7 @@ use crate::transport::{Measure, ReceiverKind, ReceiverTable as Table, Truncation
 use super::arrays::{rows_of, to_vec, to_vec_of_rows, vectors};
 use super::pieces::TileData;
 use super::receivers::ReceiverTable;
-use super::{compute, interruptible};
+use super::{abandonable, compute, interruptible};
 
 /// A scene's triangles, ready for rays.
 #[pyclass(frozen, module = "deltalux._core")]
@@ -45,7 +45,7 @@ impl Scene {
             let (expected, found) = (triangles.len(), material.len());
             return Err(PyValueError::new_err(format!("expected {expected} materials, one a triangle, got {found}")));
         }
-        compute(py, || {
+        abandonable(py, move || {
             let mesh = Mesh::new(&vertices, &triangles)?;
             let tracer = Arc::new(Tracer::new(&mesh));
             Ok(Scene { mesh, tracer, material })
@@ -81,9 +81,9 @@ impl Scene {
     ) -> PyResult<Receivers> {
         let camera = Camera { position, right, up, forward, half_height, width, height };
         let sampling = if edges { PixelSampling::Edges } else { PixelSampling::Centre };
-        let rows = interruptible(py, None, |_| {
+        let rows = interruptible(py, None, |watch| {
             camera.check()?;
-            Ok(Rows::of_pixels(&self.mesh, &self.tracer, &self.material, &camera, sampling))
+            Rows::of_pixels(&self.mesh, &self.tracer, &self.material, &camera, sampling, &|| watch.advance(1))
         })?;
         let source = rows.triangle.iter().map(|&triangle| self.mesh.source[triangle as usize]).collect();
         let scale = 1.0 / self.mesh.scale;

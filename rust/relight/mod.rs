@@ -1,3 +1,4 @@
 //! V is light: from the response of receivers to a picture.
 
+pub mod display;
 pub mod shade;

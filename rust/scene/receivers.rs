@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use super::camera::Camera;
 use super::mesh::Mesh;
 use super::rays::tracer::{LIFT, Tracer};
+use crate::error::Result;
 
 /// Surfaces kept in one pixel; what is smaller joins the largest.
 const MAX_SURFACES: usize = 4;
@@ -180,39 +181,45 @@ fn along_curve(point: [f64; 3]) -> u64 {
 }
 
 impl Receivers {
-    /// Finds the receivers of every pixel of a camera. `material` has one entry for each of the user's triangles.
+    /// Finds the receivers of every pixel of a camera. `material` has one entry for each of the user's triangles. `row_done`
+    /// hears of every row of pixels, and may stop the search.
     pub fn of_pixels(
         mesh: &Mesh,
         tracer: &Tracer,
         material: &[u32],
         camera: &Camera,
         sampling: PixelSampling,
-    ) -> Receivers {
+        row_done: &(dyn Fn() -> Result<()> + Sync),
+    ) -> Result<Receivers> {
         let (width, height) = (camera.width, camera.height);
         let primary = Primary { mesh, tracer, material, camera, eye: mesh.normalised(camera.position) };
         let pixels: Vec<Vec<Pixel>> = (0..height)
             .into_par_iter()
-            .map(|row| match sampling {
-                PixelSampling::Centre => (0..width)
-                    .map(|column| {
-                        let centre = primary.look(column as f64 + 0.5, row as f64 + 0.5);
-                        resolve(&primary, column, row, centre, [centre; 4])
-                    })
-                    .collect(),
-                PixelSampling::Edges => {
-                    let line = |y: usize| -> Vec<_> { (0..=width).map(|x| primary.look(x as f64, y as f64)).collect() };
-                    let (above, below) = (line(row), line(row + 1));
-                    (0..width)
+            .map(|row| {
+                row_done()?;
+                Ok(match sampling {
+                    PixelSampling::Centre => (0..width)
                         .map(|column| {
                             let centre = primary.look(column as f64 + 0.5, row as f64 + 0.5);
-                            let corners = [above[column], above[column + 1], below[column], below[column + 1]];
-                            resolve(&primary, column, row, centre, corners)
+                            resolve(&primary, column, row, centre, [centre; 4])
                         })
-                        .collect()
-                }
+                        .collect(),
+                    PixelSampling::Edges => {
+                        let line =
+                            |y: usize| -> Vec<_> { (0..=width).map(|x| primary.look(x as f64, y as f64)).collect() };
+                        let (above, below) = (line(row), line(row + 1));
+                        (0..width)
+                            .map(|column| {
+                                let centre = primary.look(column as f64 + 0.5, row as f64 + 0.5);
+                                let corners = [above[column], above[column + 1], below[column], below[column + 1]];
+                                resolve(&primary, column, row, centre, corners)
+                            })
+                            .collect()
+                    }
+                })
             })
-            .collect();
-        Self::in_order(width, height, sampling, &pixels)
+            .collect::<Result<_>>()?;
+        Ok(Self::in_order(width, height, sampling, &pixels))
     }
 
     /// Lays the rows out: blocks of pixels in Morton order, and along a Morton curve in space inside a block.

@@ -42,6 +42,7 @@ def add(commands: Any) -> None:
     command.add_argument("--weight", choices=WEIGHTS, help="what a change is worth; default: the method's own, area")
     command.add_argument("--exposure", type=float, metavar="STOPS", help="of the PNGs; default: chosen by the light")
     command.add_argument("--format", choices=FORMATS, default="png", help="default: %(default)s")
+    command.add_argument("--half", action="store_true", help="half floats in the EXRs: half the bytes")
     command.add_argument("-o", "--output", required=True, metavar="FOLDER")
 
 
@@ -50,7 +51,10 @@ def _relight(chosen: argparse.Namespace) -> None:
     transport = Transport.open(chosen.transport)
     check_frames(chosen.output, film, chosen.format)
     chosen.when_stopped = f"stopped; the frames so far are in {chosen.output}"
-    say(relight_frames(transport, film, chosen.output, method, exposure=chosen.exposure, kind=chosen.format))
+    if chosen.half and chosen.format == "png":
+        raise ValueError("expected --half with --format exr or both, got png, which has 8 bits")
+    options = {"exposure": chosen.exposure, "kind": chosen.format, "half": chosen.half}
+    say(relight_frames(transport, film, chosen.output, method, **options))
 
 
 def _film(chosen: argparse.Namespace) -> Film:

@@ -32,7 +32,7 @@ def add(commands: Any) -> None:
     command.add_argument(
         "--size", type=read_size, default=(128, 128), metavar="WxH", help="of scenes; default: 128x128"
     )
-    command.add_argument("--columns", default="haar:64", metavar="haar:N", help="default: %(default)s")
+    command.add_argument("--columns", metavar="haar:N", help="default: haar:64, for peaks haar:64+texels")
     add_motion(command, rotate=45.0, hold=25)
     add_own(command, f" (in {', '.join(name for name, study in STUDIES.items() if study.takes_methods)})")
     command.add_argument("-o", "--output", metavar="FOLDER", help="default: deltalux-study-NAME")
@@ -43,6 +43,7 @@ def _study(chosen: argparse.Namespace) -> None:
     name, motion = chosen.study, motion_of(chosen)
     folder = Path(chosen.output or f"deltalux-study-{name}")
     envs = [environment_of(env, chosen) for env in chosen.env or [_STUDY_LIGHT]]
+    chosen.columns = chosen.columns or ("haar:64+texels" if name == "peaks" else "haar:64")
     columns, own = parse(chosen.columns), chosen.method
     if not isinstance(columns, Haar):
         raise ValueError(f"studies follow wavelets: expected --columns haar:N, got {columns}")

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._core import (
+    Behind,
     EnvironmentMap,
     environment_coefficients,
     environment_cubemap,
@@ -362,6 +363,10 @@ class Environment:
         unit = unit_directions(directions)
         radiance: NDArray[np.float32] = environment_radiance(self._layers, unit.reshape(-1, 3))
         return radiance.reshape(unit.shape)
+
+    def _behind(self, behind: Behind, picture: NDArray[np.float32]) -> None:
+        """Adds to a picture (h, w, 3) what is seen of the light behind it, in place."""
+        behind.add(self._layers, picture)
 
     # Light projects itself: columns ask for these two, and know nothing of maps and turns.
 

@@ -5,7 +5,7 @@ Every line follows from the scene and the request; the cost from a probe of abou
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from .._core import threads as used_threads
 from ..transport.entry import GROUP, TILE_ROWS, TILES_PER_SHARD, entry_bytes
@@ -58,7 +58,14 @@ def make_plan(prepared: Prepared) -> Plan:
         factors=prepared.direct.factors,
         bounces=0,
         why=f"light of {6 * columns.face**2:,} texels that arrives directly{_texels(prepared, probe)}",
-        cost=_cost(prepared, probe),
+        cost=_cost(
+            prepared,
+            probe.survey,
+            prepared.bundles * (probe.first_rays + probe.edge_rays),
+            probe.bundle_seconds,
+            probe.survey_seconds,
+            probe.uncertainty,
+        ),
     )
     return Plan(
         scene=scene.name,
@@ -113,12 +120,23 @@ def _probe(prepared: Prepared) -> _Probe:
     )
 
 
-def _cost(prepared: Prepared, probe: _Probe) -> Cost:
+def renewed(prepared: Prepared, cost: Cost, survey: Survey, seconds: float, looked: int) -> Cost:
+    """A cost as a survey of so many rows, which took so many seconds, lets one see it: bytes, and the time to go."""
+    again = _cost(prepared, survey, 0.0, seconds / looked * BUNDLE, 0.0)
+    spread = [getattr(cost, name) / cost.seconds for name in ("least_seconds", "most_seconds")]
+    return replace(
+        again, rays=cost.rays, least_seconds=spread[0] * again.seconds, most_seconds=spread[1] * again.seconds
+    )
+
+
+def _cost(
+    prepared: Prepared, survey: Survey, rays: float, bundle_seconds: float, survey_seconds: float, spread: float = 0.0
+) -> Cost:
     rows, columns, settings = prepared.count, prepared.columns, prepared.settings
     groups, tiles = -(-rows // GROUP), -(-rows // TILE_ROWS)
     channels = prepared.direct.channels
     entry = entry_bytes(settings.width, channels)
-    entries, texels = probe.survey.looked.entries_per_group, probe.survey.looked.texel_bytes
+    entries, texels = survey.looked.entries_per_group, survey.looked.texel_bytes
     tile = TILE_ROWS / GROUP * entries * entry + TILE_ROWS / BUNDLE * texels
     # Columns that have entries: texels have none.
     stored = columns.columns // 2 if texels else columns.columns
@@ -128,15 +146,15 @@ def _cost(prepared: Prepared, probe: _Probe) -> Cost:
     receivers = rows * (4 + 4 + 36 + 2) + 4 * camera.width * camera.height
     matrix = groups * entries * entry + tiles * 4 * (stored + 1) + rows * bands * 4 + prepared.bundles * texels
     seconds = (
-        surveyed_bundles(rows) * probe.survey_seconds
-        + prepared.bundles * probe.bundle_seconds
+        surveyed_bundles(rows) * survey_seconds
+        + prepared.bundles * bundle_seconds
         # Writing, syncing and the check of everything: some milliseconds a file, and each byte thrice.
         + 0.02 * (3 + -(-tiles // TILES_PER_SHARD))
         + 3 * (matrix + receivers + audit) / 1e9
     )
     scratch = used_threads() * GROUP * 6 * columns.face**2 * 8
     return Cost(
-        rays=prepared.bundles * (probe.first_rays + probe.edge_rays),
+        rays=rays,
         bytes_on_disk=matrix + receivers + audit,
         bytes_in_memory=INTERPRETER
         + TRIANGLE * len(prepared.scene.triangles)
@@ -145,8 +163,8 @@ def _cost(prepared: Prepared, probe: _Probe) -> Cost:
         + min(tiles, TILES_PER_SHARD) * tile * 3
         + audit,
         seconds=seconds,
-        least_seconds=seconds * (1 - probe.uncertainty),
-        most_seconds=seconds * (1 + probe.uncertainty),
+        least_seconds=seconds * (1 - spread),
+        most_seconds=seconds * (1 + spread),
         threads=used_threads(),
     )
 

@@ -13,12 +13,12 @@ import numpy as np
 
 from .._core import TileData, TransportWriter, __version__
 from ..columns import Columns
-from ..progress import Progress, reporter
+from ..progress import Progress, Reporter, reporter
 from ..scene.scene import Scene
 from ..transport.entry import TILE_ROWS, TILES_PER_SHARD
 from ..transport.plan import Part, Plan
 from ..transport.transport import Transport
-from .planning import DIRECT, make_plan, said
+from .planning import DIRECT, make_plan, renewed, said
 from .preparation import BUNDLE, COLUMNS, QUANTUM, Prepared, surveyed_bundles
 from .room import check_folder_of, check_room
 
@@ -156,14 +156,17 @@ class Precomputation:
         for part in self.plan.parts:
             _PASSES[part.make](run, part)
         run.finish(self.plan)
-        return Transport.open(path)
+        transport = Transport.open(path)
+        run.tell.say(run.summary())
+        return transport
 
 
 class _Run:
     """The passes of one precomputation, and what they leave for the end."""
 
-    def __init__(self, prepared: Prepared, writer: TransportWriter, tell: Progress) -> None:
+    def __init__(self, prepared: Prepared, writer: TransportWriter, tell: Reporter) -> None:
         self.prepared, self.writer, self.tell = prepared, writer, tell
+        self.started, self.rays = prepared.clock(), 0
         self.parts: list[tuple[str, str, int, int, int, str, int]] = []
         self.notes: list[str] = []
 
@@ -174,6 +177,11 @@ class _Run:
         looked = min(bundles * BUNDLE, count)
         total = looked + count
         survey = self.prepared.survey(bundles, lambda done: self.tell(done, total))
+        self.rays += survey.looked.first_rays + survey.looked.edge_rays
+        if part.cost is not None:
+            cost = renewed(self.prepared, part.cost, survey, self.prepared.clock() - self.started, looked)
+            self.tell.expect(cost.seconds)
+            self.tell.say(f"{self.prepared.scene.name}: {cost}, {said(survey, self.prepared)}")
         threshold = survey.looked.threshold
         self.audit = (survey.looked.groups, survey.looked.audit)
         self.survey = survey
@@ -194,7 +202,7 @@ class _Run:
         def tell(done: int) -> None:
             self.tell(looked + first + done, total)
 
-        data, _, _ = self.prepared.direct.tile(
+        data, first_rays, edge_rays = self.prepared.direct.tile(
             first,
             min(TILE_ROWS, self.prepared.count - first),
             threshold=threshold,
@@ -202,7 +210,16 @@ class _Run:
             width=self.prepared.settings.width,
             progress=tell,
         )
+        self.rays += first_rays + edge_rays
         return data
+
+    def summary(self) -> str:
+        """What it took, and what came of it."""
+        seconds = self.prepared.clock() - self.started
+        return (
+            f"{self.prepared.scene.name}: {self.rays / 1e6:,.0f} million rays in {seconds:,.1f} s, "
+            f"{said(self.survey, self.prepared)}"
+        )
 
     def finish(self, plan: Plan) -> None:
         """Writes what turns rows into pictures, and what was done and left out."""

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ..io import auto_exposure, save_image, to_display
 from ..light.environment import Environment
-from ..output import check_folder, claim, write_csv
+from ..output import Table, check_folder, claim
 from ..progress import Progress, reporter
 from ..transport.transport import Transport
 from ..update.methods import Method
@@ -18,6 +26,8 @@ __all__ = ["FORMATS", "Film", "Relit", "check_frames", "relight_frames"]
 
 FORMATS = {"png": (".png",), "exr": (".exr",), "both": (".png", ".exr")}
 _TABLE = "frames.csv"
+_AHEAD = 2
+"""Pictures that wait to be written."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +84,7 @@ def relight_frames(
     *,
     exposure: float | None = None,
     kind: str = "png",
+    half: bool = False,
     progress: bool | Progress = True,
 ) -> Relit:
     """Relights every frame of a moving light and writes it.
@@ -84,6 +95,8 @@ def relight_frames(
         Stops for the PNGs, the same in all; None: from the exact picture under the film's key light.
     kind
         A key of `FORMATS`: PNG for a display, EXR in linear radiance, or both.
+    half
+        Half floats in the EXRs.
 
     Raises
     ------
@@ -94,26 +107,22 @@ def relight_frames(
     path = claim(folder, _names(film.frames, kind))
     if exposure is None:
         exposure = auto_exposure(transport.image(transport.multiply(transport.coefficients(film.key))))
-    tell, rows = reporter(progress, "relight"), []
-    for k, env in enumerate(film.lights):
-        frame = relighter.step(env)
-        picture = frame.image
-        about: dict[str, str | int | float] = {
-            "software": "deltalux",
-            "deltalux:environment": env.name,
-            "deltalux:method": repr(method),
-            "deltalux:frame": k,
-            "deltalux:bound": frame.bound,
-        }
-        angle = film.angle(k)
-        if angle is not None:
-            about["deltalux:angle_degrees"] = angle
-        for suffix in FORMATS[kind]:
-            save_image(
-                path / f"{_stem(k)}{suffix}", to_display(picture, exposure) if suffix == ".png" else picture, about
-            )
-        rows.append(
-            {
+    tell, seconds, table = reporter(progress, "relight"), [], Table(path / _TABLE)
+    with _Encoder(exposure, half) as encoder:
+        for k, env in enumerate(film.lights):
+            frame = relighter.step(env)
+            picture = frame.image
+            about: dict[str, str | int | float] = {
+                "software": "deltalux",
+                "deltalux:environment": env.name,
+                "deltalux:method": repr(method),
+                "deltalux:frame": k,
+                "deltalux:bound": frame.bound,
+            }
+            angle = film.angle(k)
+            if angle is not None:
+                about["deltalux:angle_degrees"] = angle
+            row = {
                 "frame": k,
                 "angle": "" if angle is None else angle,
                 "seconds": f"{frame.seconds:.6g}",
@@ -124,9 +133,52 @@ def relight_frames(
                 "resets": " ".join(map(str, frame.resets)),
                 "converged": frame.converged,
             }
-        )
-        # Row by row, so that an interrupted run leaves a table of the frames that are there.
-        write_csv(path / _TABLE, rows)
-        tell(k + 1, film.frames)
-    median = sorted(float(str(row["seconds"])) for row in rows)[len(rows) // 2]
-    return Relit(str(folder), len(rows), exposure, 1e3 * median)
+            seconds.append(frame.seconds)
+            files = [path / f"{_stem(k)}{suffix}" for suffix in FORMATS[kind]]
+            # Row by row, so that an interrupted run leaves a table of the frames that are there.
+            encoder.save(files, picture, about, partial(_saved, table, row, tell, k + 1, film.frames))
+    median = sorted(seconds)[len(seconds) // 2]
+    return Relit(str(folder), len(seconds), exposure, 1e3 * median)
+
+
+def _saved(table: Table, row: dict[str, Any], tell: Progress, done: int, total: int) -> None:
+    table.add(row)
+    tell(done, total)
+
+
+class _Encoder:
+    """Writes pictures on a thread of its own, while the next frames are multiplied; a few may wait."""
+
+    def __init__(self, exposure: float, half: bool) -> None:
+        self._exposure, self._half = exposure, half
+        self._thread = ThreadPoolExecutor(1, "deltalux-encoder")
+        self._waiting: deque[tuple[Future[None], Callable[[], None]]] = deque()
+
+    def __enter__(self) -> _Encoder:
+        return self
+
+    def save(
+        self, files: list[Path], picture: NDArray[np.float32], about: dict[str, Any], saved: Callable[[], None]
+    ) -> None:
+        """Takes a picture; `saved` is called on this thread once all its files are there."""
+        self._waiting.append((self._thread.submit(self._write, files, picture, about), saved))
+        while len(self._waiting) > _AHEAD or (self._waiting and self._waiting[0][0].done()):
+            self._finish()
+
+    def _finish(self) -> None:
+        job, saved = self._waiting.popleft()
+        job.result()
+        saved()
+
+    def _write(self, files: list[Path], picture: NDArray[np.float32], about: dict[str, Any]) -> None:
+        for file in files:
+            shown = to_display(picture, self._exposure) if file.suffix == ".png" else picture
+            save_image(file, shown, about, half=self._half)
+
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
+        try:
+            # What was made before an interruption is not thrown away.
+            while self._waiting:
+                self._finish()
+        finally:
+            self._thread.shutdown(cancel_futures=True)

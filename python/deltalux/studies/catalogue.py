@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from . import peaks
 from .coherence import coverage, energy, equal_quality, equal_time, evolution, lighting_error, phase_map, reset_raster
 from .harmonics import blocker, two_bases
 from .shape import Study
@@ -17,6 +18,7 @@ STUDIES: dict[str, Study] = {
     "equal-quality": equal_quality.STUDY,
     "phase-map": phase_map.STUDY,
     "equal-time": equal_time.STUDY,
+    "peaks": peaks.STUDY,
     "harmonics": two_bases.STUDY,
     "blocker": blocker.STUDY,
 }

@@ -38,6 +38,12 @@ class Cost:
     most_seconds: float
     threads: int
 
+    def __str__(self) -> str:
+        return (
+            f"{_duration(self.least_seconds)} to {_duration(self.most_seconds)} to go, "
+            f"{_megabytes(self.bytes_on_disk)} MB on disk"
+        )
+
 
 @dataclass(frozen=True)
 class Part:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._core import FileError
+from .._core import Behind, FileError
 from .._core import Transport as CoreTransport
 from ..camera import Camera
 from ..columns.haar import Haar
@@ -297,14 +297,12 @@ class Transport:
         pixels = self.pixels
         picture = pixels.resolve(values)
         if env is not None:
-            share = pixels.background
-            seen = share > 0
-            picture[seen] += share[seen, None] * env.radiance(self._directions[seen])
+            env._behind(self._behind, picture)
         return picture
 
     @cached_property
-    def _directions(self) -> NDArray[np.float64]:
-        return self.camera.directions()
+    def _behind(self) -> Behind:
+        return Behind(self.pixels.background, self.camera.directions())
 
     @cached_property
     def column_norms(self) -> NDArray[np.float64]:
