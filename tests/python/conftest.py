@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from deltalux import _core
+from deltalux.columns.haar import Haar
 from deltalux.precomputation.quality import QUALITIES, Quality
 from deltalux.scene.scene import Scene
 from hypothesis import settings
@@ -37,9 +38,10 @@ def make(tmp_path_factory, centres_quality):
     """make(scene, size, quality): a transport in a directory of its own."""
     import deltalux as dl
 
-    def run(scene: Scene, size: int = 8, quality: str = CENTRES, **options) -> dl.Transport:
+    def run(scene: Scene, size: int | Haar = 8, quality: str = CENTRES, **options) -> dl.Transport:
         path = tmp_path_factory.mktemp("made") / "a.transport"
-        return dl.precompute(scene, path, columns=dl.Haar(size), quality=quality, progress=False, **options)
+        columns = Haar(size) if isinstance(size, int) else size
+        return dl.precompute(scene, path, columns=columns, quality=quality, progress=False, **options)
 
     return run
 
@@ -49,6 +51,13 @@ def cornell(make):
     """The Cornell box at 24 x 24 pixels and haar:8."""
     scene = Scene.builtin("cornell")
     return make(scene.with_camera(scene.camera.resized(24, 24)), 8, "lossless")
+
+
+@pytest.fixture(scope="session")
+def cornell_texels(make):
+    """The Cornell box at 64 x 64 pixels and haar:8 with texels: rows enough for some that are kept untruncated."""
+    scene = Scene.builtin("cornell")
+    return make(scene.with_camera(scene.camera.resized(64, 64)), Haar(8, texels=True), "preview")
 
 
 @pytest.fixture

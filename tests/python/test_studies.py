@@ -44,9 +44,11 @@ def named(names):
 
 # One line for a new study: its name in STUDIES.
 @pytest.mark.parametrize("name", named(STUDIES))
-def test_every_study_leaves_what_it_promises(cornell, tmp_path, name):
+def test_every_study_leaves_what_it_promises(cornell, cornell_texels, tmp_path, name):
     chosen, folder = STUDIES[name], tmp_path / name
-    transports = [cornell] if chosen.needs_scene or chosen.scene_files else []
+    transports = (
+        [cornell_texels if chosen.needs_texels else cornell] if chosen.needs_scene or chosen.scene_files else []
+    )
     page = study(name, folder, HALL, transports, motion=SHORT, columns=dl.Haar(8), progress=False)
     ((chapter, case),) = check_study(name, folder, HALL, transports, motion=SHORT, columns=dl.Haar(8))
     promised = {f"{chapter}-{kind}" for kind in chosen.files(case)}
@@ -78,12 +80,12 @@ def test_light_alone_needs_no_scene(tmp_path, name):
 
 @pytest.mark.parametrize("light", ["grey", "one texel"])
 @pytest.mark.parametrize("name", named(name for name in STUDIES if name != "blocker"))
-def test_plain_and_extreme_lights(cornell, tmp_path, name, light):
+def test_plain_and_extreme_lights(cornell, cornell_texels, tmp_path, name, light):
     """A constant sky, of which nothing is left to send, and a sun of 1e5 in one texel."""
     faces = np.full((6, 8, 8, 3), float(light == "grey"))
     faces[2, 3, 3] = 1.0 if light == "grey" else 1e5
     motion = Motion(-20.0, 8, 0, "x")
-    transports = [cornell] if STUDIES[name].scene_files else []
+    transports = [cornell_texels if STUDIES[name].needs_texels else cornell] if STUDIES[name].scene_files else []
     env = dl.Environment.from_cubemap(faces)
     assert study(name, tmp_path / "out", env, transports, motion=motion, columns=dl.Haar(8), progress=False).is_file()
 
@@ -94,6 +96,7 @@ def test_bad_requests_are_refused_before_anything_is_written(cornell, tmp_path):
         (("energies", out, HALL), "expected a study of lighting-error"),
         (("energy", out, []), "at least one environment"),
         (("equal-time", out, HALL), "expected a scene"),
+        (("peaks", out, HALL, cornell), "expected a transport in columns like haar:64\\+texels"),
     ):
         with pytest.raises(ValueError, match=message):
             study(*arguments)

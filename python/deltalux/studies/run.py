@@ -65,6 +65,8 @@ def check_study(
         raise ValueError(f"expected light, but {dark[0]} is black: errors are relative to it")
     if STUDIES[name].needs_scene and not transports:
         raise ValueError(f"the study {name!r} looks at pictures: expected a scene")
+    if STUDIES[name].needs_texels:
+        _check_texels(name, transports)
     if methods and not STUDIES[name].takes_methods:
         taking = ", ".join(name for name, study in STUDIES.items() if study.takes_methods)
         raise ValueError(f"methods of one's own take part in the studies {taking}, not in {name!r}")
@@ -74,6 +76,16 @@ def check_study(
     chapters = [(slug(case.name, k), case) for k, case in enumerate(cases)]
     check_folder(folder, _names(STUDIES[name], chapters))
     return chapters
+
+
+def _check_texels(name: str, transports: Sequence[Transport]) -> None:
+    for transport in transports:
+        texels = isinstance(transport.columns, Haar) and transport.columns.texels
+        if not texels or transport.audit is None:
+            raise ValueError(
+                f"the study {name!r} looks at texels and at untruncated rows: expected a transport in columns like "
+                f"haar:64+texels with some thousand rows or more, got {transport}"
+            )
 
 
 def _haar(transport: Transport) -> Haar:

@@ -22,6 +22,8 @@ class Study:
     light_files: tuple[str, ...] = ()
     scene_files: tuple[str, ...] = ()
     needs_scene: bool = False
+    needs_texels: bool = False
+    """Whether transports need texel columns, and rows that are kept untruncated."""
     takes_methods: bool = False
     """Whether methods of one's own can take part."""
 
