@@ -19,6 +19,9 @@ use super::truncate::Truncation;
 const BINS: i32 = 16;
 const OCTAVES: std::ops::Range<i32> = -120..40;
 
+/// Thresholds are not sought further than where the error is so many times what is tolerated.
+const BEYOND: f64 = 2.0;
+
 /// A survey of sample groups, from which a threshold is chosen: energies by size, in 60 KB whatever the sample.
 #[derive(Clone, Debug)]
 pub struct Survey {
@@ -179,7 +182,7 @@ impl Survey {
         own.iter().zip(&self.whole).map(relative).collect()
     }
 
-    /// The largest threshold up to which the error does not exceed `tolerance`; 0, with the error that rounding alone
+    /// The largest threshold at which the error does not exceed `tolerance`; 0, with the error that rounding alone
     /// makes, where none does.
     pub fn threshold_for(&self, tolerance: f64) -> Result<Threshold> {
         if !(0.0..1.0).contains(&tolerance) {
@@ -203,10 +206,13 @@ impl Survey {
             entries -= bin[0];
             let upper = f64::from(OCTAVES.start) + (k + 1) as f64 / f64::from(BINS);
             let next = threshold(k + 1, (upper / 2.0).exp2(), lost, entries);
-            if next.error > tolerance {
+            // What is measured does not grow steadily: coherent losses come and cancel.
+            if next.error > BEYOND * tolerance {
                 break;
             }
-            choice = next;
+            if next.error <= tolerance {
+                choice = next;
+            }
         }
         Ok(choice)
     }

@@ -124,6 +124,60 @@ def test_killed_and_resumed_gives_the_same_bits(tmp_path, whole, number):
     assert contents(path) == whole
 
 
+# What comes before the first ray of a pass; each takes seconds here.
+BEFORE = {
+    "tree": """
+        triangles = np.arange(3 * 2_000_000, dtype=np.uint32).reshape(-1, 3)
+        vertices = rng.random((3 * len(triangles), 3))
+        print("begun", flush=True)
+        _core.Scene(vertices, triangles, np.zeros(len(triangles), np.uint32))
+    """,
+    "receivers": """
+        triangles = np.arange(3 * 20_000, dtype=np.uint32).reshape(-1, 3)
+        vertices = rng.random((len(triangles), 1, 3)) + 0.05 * rng.random((len(triangles), 3, 3))
+        scene = _core.Scene(vertices.reshape(-1, 3), triangles, np.zeros(len(triangles), np.uint32))
+        print("begun", flush=True)
+        scene.receivers(
+            position=(0.5, 0.5, 4.0), right=(1.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), forward=(0.0, 0.0, -1.0),
+            half_height=0.2, width=8192, height=8192, edges=True,
+        )
+    """,
+}
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs signals")
+@pytest.mark.parametrize("what", BEFORE)
+def test_what_comes_before_the_pass_hears_ctrl_c(what):
+    head = """
+        import signal, time
+        import numpy as np
+        from deltalux import _core
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        rng = np.random.default_rng(1)
+    """
+    # The child itself takes the time: how long a process takes to leave is not ours.
+    tail = """
+        try:
+            work()
+        except KeyboardInterrupt:
+            print(time.time(), flush=True)
+        else:
+            print("too fast", flush=True)
+    """
+    body = "def work():\n" + textwrap.indent(textwrap.dedent(BEFORE[what]), "    ")
+    text = textwrap.dedent(head) + body + textwrap.dedent(tail)
+    package = str(Path(dl.__file__).parents[1])
+    with subprocess.Popen(
+        [sys.executable, "-c", text], stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": package}
+    ) as child:
+        assert child.stdout.readline() == "begun\n"
+        time.sleep(0.3)
+        asked = time.time()
+        child.send_signal(signal.SIGINT)
+        answer, _ = child.communicate(timeout=60)
+    assert float(answer) - asked < 0.5
+
+
 def test_another_job_does_not_resume_this_one(tmp_path):
     path, other = tmp_path / "a.transport", tmp_path / "b.transport"
     with pytest.raises(Stop):

@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from ..precomputation.preparation import COLUMNS
 from ..precomputation.quality import QUALITIES
 from ..precomputation.room import check_folder_of
 from ..precomputation.run import Precomputation
@@ -26,7 +27,7 @@ def add(commands: Any) -> None:
     command.add_argument("-o", "--output", metavar="FILE", help="directory to make, by custom NAME.transport")
     command.add_argument("--size", type=read_size, metavar="WxH", help="pixels; default: the scene's own camera")
     command.add_argument(
-        "--columns", default="haar:64", metavar="haar:N|sh:N", help="basis of the light; default: %(default)s"
+        "--columns", default=COLUMNS, metavar="haar:N[+texels]|sh:N", help="basis of the light; default: %(default)s"
     )
     command.add_argument(
         "--camera", type=read_camera, metavar="PX,PY,PZ:TX,TY,TZ[:FOV]", help="position, target, degrees"

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..columns.haar import Haar
 from ..columns.inner import Inner
 from ..light.environment import Environment
 from ..light.motion import Motion
@@ -52,6 +53,8 @@ def size_curve(transport: Transport, envs: Sequence[Environment], motion: Motion
     real = rows < transport.shape[0]
     weight = np.sqrt(transport.pixels.weight[rows[real], None]) * transport.albedo[rows[real]]
     lights = {env.name: _turning(transport, env, motion) for env in envs}
+    if isinstance(transport.columns, Haar) and transport.columns.texels:
+        lights |= {f"{env.name}, wavelets alone": _turning(transport, env, motion, 0) for env in envs}
     suns = _suns(transport)
 
     def errors(multiply: Product) -> tuple[dict[str, float], float, float]:
@@ -81,10 +84,10 @@ def _some_rows(transport: Transport, rows: NDArray[Any], V: NDArray[np.float64])
     return transport.multiply(V)[:, rows]
 
 
-def _turning(transport: Transport, env: Environment, motion: Motion) -> NDArray[np.float64]:
+def _turning(transport: Transport, env: Environment, motion: Motion, peaks: int | None = None) -> NDArray[np.float64]:
     """V in some dozen frames of the rotation, (k, columns, 3)."""
     frames = np.unique(np.linspace(0, motion.stop, 12).round().astype(int))
-    return np.stack([transport.coefficients(motion.light(env, int(k))) for k in frames])
+    return np.stack([transport.coefficients(motion.light(env, int(k)), peaks) for k in frames])
 
 
 def _suns(transport: Transport) -> NDArray[np.float64]:

@@ -259,6 +259,9 @@ def _size(
         f"{formula:,} bytes for this picture ({_PAPER_BYTES:,} at 512 x 512 with six bands)."
     )
     page.text(f"Truncation, as the file states it: {_stated(transport)}.")
+    if transport.errors:
+        under = ", ".join(f"{name} {_percent(error)} %" for name, error in transport.errors.items())
+        page.text(f"Measured when it was made, on the rows of its survey, the worst rotation: {under}.")
     if not points:
         page.text("This transport keeps no untruncated rows, so no curve of error against bytes can be drawn.")
         return
@@ -267,7 +270,8 @@ def _size(
             "error-against-bytes.png",
             "Truncation only, against the untruncated product: relative L2 error of the light that the audited rows "
             "reflect. Bytes are extrapolated from those rows, a sample of M, to all rows; the stars are this "
-            "transport, with its true size and its error measured on the same rows.",
+            "transport, with its true size and its error measured on the same rows. Wavelets alone: no peak of the "
+            "light goes through texels, where there are any; their bytes are counted all the same.",
             "Error against bytes",
         )
     )

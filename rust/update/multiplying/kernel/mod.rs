@@ -23,5 +23,5 @@ mod engine;
 mod portable;
 mod texels;
 
-pub use columns::{Batch, Move, Scratch, Sums, Target, batches};
+pub use columns::{Batch, Move, Scratch, Sums, TOGETHER, Target, batches};
 pub use engine::Engine;
