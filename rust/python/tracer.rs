@@ -21,24 +21,32 @@ pub(crate) struct Tracer {
 }
 
 impl Tracer {
-    /// For each direction whether a point on a surface sees it.
-    fn seen(&self, origin: &[f64; 3], normal: &[f64; 3], ways: &Ways, room: &mut Walk) -> Vec<bool> {
+    /// For each direction which of some points on surfaces, at most `TOGETHER`, see it: one bit each.
+    fn seen(&self, origins: &[[f64; 3]], normals: &[[f64; 3]], ways: &Ways, room: &mut Walk) -> Vec<u64> {
         let up = LIFT / self.mesh.scale;
-        let lifted = std::array::from_fn(|k| origin[k] + up * normal[k]);
-        let apex = Apex { origin: self.mesh.normalised(lifted), normal: normal.map(|x| x as f32) };
-        let mut seen = vec![false; ways.directions.len()];
-        for (fan, places) in &ways.fans {
-            let above = |(ray, &place): (usize, &usize)| {
-                let (n, d) = (apex.normal, ways.directions[place]);
-                u64::from(n[0] * d[0] + n[1] * d[1] + n[2] * d[2] > 0.0) << ray
-            };
-            let above = places.iter().enumerate().map(above).sum();
-            let open = above & !self.tracer.blocked(&apex, fan, above, room);
-            places.iter().enumerate().for_each(|(ray, &place)| seen[place] = open >> ray & 1 == 1);
+        let mut seen = vec![0; ways.directions.len()];
+        for (number, (origin, normal)) in origins.iter().zip(normals).enumerate() {
+            let lifted = std::array::from_fn(|k| origin[k] + up * normal[k]);
+            let apex = Apex { origin: self.mesh.normalised(lifted), normal: normal.map(|x| x as f32) };
+            for (fan, places) in &ways.fans {
+                let mut above = 0;
+                for (ray, &place) in places.iter().enumerate() {
+                    let (n, d) = (apex.normal, ways.directions[place]);
+                    above |= u64::from(n[0] * d[0] + n[1] * d[1] + n[2] * d[2] > 0.0) << ray;
+                }
+                let mut open = above & !self.tracer.blocked(&apex, fan, above, room);
+                while open != 0 {
+                    seen[places[open.trailing_zeros() as usize]] |= 1 << number;
+                    open &= open - 1;
+                }
+            }
         }
         seen
     }
 }
+
+/// Points whose answers are one word.
+const TOGETHER: usize = 64;
 
 /// Directions, and the fans that they make.
 struct Ways {
@@ -99,13 +107,16 @@ impl Tracer {
             check(&origins, &normals, &directions)?;
             let directions: Vec<[f32; 3]> = directions.iter().map(|d| d.map(|x| x as f32)).collect();
             let ways = Ways { fans: fans(&directions), directions };
-            let seen: Vec<Vec<bool>> = (0..rays)
-                .into_par_iter()
-                .map_init(Walk::default, |room, ray| self.seen(&origins[ray], &normals[ray], &ways, room))
+            let seen: Vec<Vec<u64>> = origins
+                .par_chunks(TOGETHER)
+                .zip(normals.par_chunks(TOGETHER))
+                .map_init(Walk::default, |room, (origins, normals)| self.seen(origins, normals, &ways, room))
                 .collect();
             let mut visible = vec![false; rays * count];
             visible.par_chunks_mut(rays.max(1)).enumerate().for_each(|(direction, row)| {
-                row.iter_mut().zip(&seen).for_each(|(see, seen)| *see = seen[direction]);
+                for (seen, part) in seen.iter().zip(row.chunks_mut(TOGETHER)) {
+                    part.iter_mut().enumerate().for_each(|(ray, see)| *see = seen[direction] >> ray & 1 == 1);
+                }
             });
             Ok(visible)
         })?;

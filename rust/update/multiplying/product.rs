@@ -6,7 +6,10 @@ use crate::error::{Error, Result};
 use crate::transport::{Tile, TransportMatrix};
 
 use super::grid::{Grid, Span, light_norm, power_of_two};
-use super::kernel::{Batch, Engine, Move, Scratch, Sums, TOGETHER, Target, batches};
+use super::kernel::{Engine, Move, Scratch, Sums, Target, batches};
+
+/// Lights whose sums of a tile are held at once: they share the cache.
+const TOGETHER: usize = 4;
 
 /// B = M V for each of `lights` (columns x 3 each), written one after the other into `out` (lights x rows x 3).
 ///
@@ -69,11 +72,13 @@ fn moves(matrix: &TransportMatrix, lights: &[&[[f64; 3]]]) -> Vec<Vec<Move>> {
 
 /// All lights' products with a tile: batch by batch of columns, so that each is read from memory once.
 fn multiply_tile(engine: Engine, tile: &Tile, moves: &[Vec<Move>], scratch: &mut Scratch, rows: Vec<&mut [f32]>) {
+    let mut rows: Vec<Option<&mut [f32]>> = rows.into_iter().map(Some).collect();
     let mut sums = vec![vec![Sums::ZERO; tile.groups()]; moves.len()];
     for batch in batches(tile, &moves[0]) {
-        engine.walk_together(tile, &batch, moves, scratch, &mut sums);
-    }
-    for ((moves, sums), rows) in moves.iter().zip(&mut sums).zip(rows) {
-        engine.walk(tile, &Batch::NONE, moves, scratch, Target { sums, afresh: false, out: Some(rows) });
+        let last = batch.moves.end == moves[0].len();
+        for ((moves, sums), rows) in moves.iter().zip(&mut sums).zip(&mut rows) {
+            let out = rows.take_if(|_| last);
+            engine.walk(tile, &batch, moves, scratch, Target { sums, afresh: false, out });
+        }
     }
 }

@@ -3,7 +3,7 @@
 use std::arch::x86_64::*;
 use std::ops::Range;
 
-use super::columns::{Columns, Integer, Item, MARKED, Marks, Move, POWERS, Sorted, Spread, Sums, TOGETHER, Target};
+use super::columns::{Columns, Integer, Item, MARKED, Marks, Move, POWERS, Sorted, Spread, Sums, Target};
 use super::portable;
 use crate::transport::entry::{GROUP, GROUP_BITS};
 
@@ -63,100 +63,6 @@ pub(super) unsafe fn walk_sorted<T: Integer, const C: usize>(
             add_sorted(sums, columns.words, columns.entries, moves, &sorted.items, items);
         }
         publish_to(&mut target.out, group, sums);
-    }
-}
-
-/// Lights whose sums are held together.
-const LIGHTS: usize = TOGETHER;
-
-/// Four neighbouring rows of a group in registers: `[light][colour]`.
-type Quarter = [[__m256d; 3]; LIGHTS];
-
-/// What an entry is multiplied by: `[light]`.
-type Changes = [Spread; LIGHTS];
-
-/// `walk_marked` for four lights at once, which share the moves' columns: an entry is found and converted once for all of
-/// them. Rows are taken four at a time, so that the sums of all lights stay in twelve registers.
-///
-/// # Safety
-/// `available()`.
-#[target_feature(enable = "avx2,fma,bmi1")]
-pub(super) unsafe fn walk_together<T: Integer>(
-    columns: &Columns<'_, T, 1>,
-    moves: [&[Move]; LIGHTS],
-    marks: &mut Marks,
-    sums: [&mut [Sums]; LIGHTS],
-) {
-    marks.set(columns, moves[0], |entry| {
-        fetch(columns.words.as_ptr().wrapping_add(entry));
-        fetch(columns.entries.as_ptr().wrapping_add(entry));
-    });
-    let mut changes = vec![[[[0.0; 4]; 3]; LIGHTS]; moves[0].len()];
-    for (light, moves) in moves.into_iter().enumerate() {
-        for (changes, moved) in changes.iter_mut().zip(moves) {
-            changes[light] = moved.change.map(|x| [x; 4]);
-        }
-    }
-    let [a, b, c, d] = sums;
-    let mut items = [Item::default(); MARKED];
-    for (group, (((a, b), c), d)) in a.iter_mut().zip(b).zip(c).zip(d).enumerate() {
-        let (mut bits, mut count) = (std::mem::take(&mut marks.groups[group]), 0);
-        while bits != 0 {
-            let bit = bits.trailing_zeros() as usize;
-            bits &= bits - 1;
-            items[count] = Item { entry: marks.cursors[bit], moved: bit as u32 };
-            marks.cursors[bit] += 1;
-            count += 1;
-        }
-        if count > 0 {
-            let mut sums = [a, b, c, d];
-            for quarter in 0..GROUP / 4 {
-                add_together(&mut sums, columns, &items[..count], &changes, quarter);
-            }
-        }
-    }
-}
-
-/// Adds entries to four rows of a group, for all lights.
-///
-/// PERF: out of line, as `add_marked`.
-#[inline(never)]
-#[target_feature(enable = "avx2,fma,bmi1")]
-fn add_together<T: Integer>(
-    sums: &mut [&mut Sums; LIGHTS],
-    columns: &Columns<'_, T, 1>,
-    items: &[Item],
-    changes: &[Changes],
-    quarter: usize,
-) {
-    let first = 4 * quarter;
-    let mut registers: Quarter = [[_mm256_setzero_pd(); 3]; LIGHTS];
-    for (registers, sums) in registers.iter_mut().zip(sums.iter()) {
-        for (register, lanes) in registers.iter_mut().zip(&sums.0) {
-            // SAFETY: a quarter is four neighbouring lanes of sixteen, and sums lie on cache lines.
-            *register = unsafe { _mm256_load_pd(lanes.as_ptr().add(first)) };
-        }
-    }
-    for item in items {
-        let entry = item.entry as usize;
-        let power = _mm256_set1_pd(POWERS[(columns.words[entry] >> GROUP_BITS) as usize]);
-        if quarter == 0 {
-            fetch((&columns.entries[entry] as *const [[T; GROUP]; 1]).wrapping_add(AHEAD));
-        }
-        // SAFETY: the features are those of this function.
-        let values = _mm256_mul_pd(unsafe { T::four(&columns.entries[entry][0], first) }, power);
-        for (registers, changes) in registers.iter_mut().zip(&changes[item.moved as usize]) {
-            for (register, change) in registers.iter_mut().zip(changes) {
-                // SAFETY: a change is spread over four lanes.
-                *register = _mm256_fmadd_pd(values, unsafe { _mm256_loadu_pd(change.as_ptr()) }, *register);
-            }
-        }
-    }
-    for (registers, sums) in registers.iter().zip(sums.iter_mut()) {
-        for (&register, lanes) in registers.iter().zip(&mut sums.0) {
-            // SAFETY: as above.
-            unsafe { _mm256_store_pd(lanes.as_mut_ptr().add(first), register) };
-        }
     }
 }
 

@@ -34,8 +34,6 @@ pub struct Target<'a> {
     pub out: Option<&'a mut [f32]>,
 }
 
-/// Lights whose sums of a tile are held at once: they share the cache, and what is read of M.
-pub const TOGETHER: usize = 4;
 /// Moves that `Marks` takes at once: a bit each.
 pub(super) const MARKED: usize = u64::BITS as usize;
 /// So many entries for each group make a visit to the group worth it.
@@ -48,11 +46,6 @@ pub struct Batch {
     /// Of the list of moves, those in this batch.
     pub moves: Range<usize>,
     pub(super) read: Read,
-}
-
-impl Batch {
-    /// No move at all: a walk that only writes rows.
-    pub const NONE: Batch = Batch { moves: 0..0, read: Read::Marked };
 }
 
 /// How a batch finds what its moves add to a group.
@@ -86,7 +79,7 @@ pub fn batches(tile: &Tile, moves: &[Move]) -> Vec<Batch> {
     if stored < moves.len() {
         batches.push(Batch { moves: stored..moves.len(), read: Read::Texels });
     } else if batches.is_empty() {
-        batches.push(Batch::NONE);
+        batches.push(Batch { moves: 0..0, read: Read::Marked });
     }
     batches
 }

@@ -5,7 +5,7 @@ use crate::transport::tile::{Tile, Values};
 
 #[cfg(target_arch = "x86_64")]
 use super::avx2;
-use super::columns::{Batch, Columns, Integer, Move, Read, Scratch, Sums, Target};
+use super::columns::{Batch, Columns, Integer, Move, Read, Scratch, Target};
 use super::{portable, texels};
 
 /// One batch and where it goes.
@@ -47,42 +47,6 @@ impl Engine {
             (Values::I8(values), Channels::Three) => self.walk_columns::<i8, 3>(bytemuck::cast_slice(values), work),
             (Values::I16(values), Channels::One) => self.walk_columns::<i16, 1>(bytemuck::cast_slice(values), work),
             (Values::I16(values), Channels::Three) => self.walk_columns::<i16, 3>(bytemuck::cast_slice(values), work),
-        }
-    }
-
-    /// Adds one batch of moves of several lights, which have their columns in common, to the sums of each.
-    pub fn walk_together(
-        self,
-        tile: &Tile,
-        batch: &Batch,
-        moves: &[Vec<Move>],
-        scratch: &mut Scratch,
-        sums: &mut [Vec<Sums>],
-    ) {
-        #[cfg(target_arch = "x86_64")]
-        if self == Engine::Native
-            && batch.read == Read::Marked
-            && tile.channels == Channels::One
-            && avx2::available()
-            && let ([a, b, c, d], [w, x, y, z]) = (moves, &mut *sums)
-        {
-            let own = [a, b, c, d].map(|moves| &moves[batch.moves.clone()]);
-            let sums = [&mut w[..], &mut x[..], &mut y[..], &mut z[..]];
-            let (starts, words): (&[u32], &[u16]) = (&tile.starts, &tile.words);
-            // SAFETY: the processor has what the code needs.
-            return match &tile.values {
-                Values::I8(values) => unsafe {
-                    let columns = Columns { starts, words, entries: bytemuck::cast_slice(values) };
-                    avx2::walk_together::<i8>(&columns, own, &mut scratch.marks, sums)
-                },
-                Values::I16(values) => unsafe {
-                    let columns = Columns { starts, words, entries: bytemuck::cast_slice(values) };
-                    avx2::walk_together::<i16>(&columns, own, &mut scratch.marks, sums)
-                },
-            };
-        }
-        for (moves, sums) in moves.iter().zip(sums) {
-            self.walk(tile, batch, moves, scratch, Target { sums, afresh: false, out: None });
         }
     }
 

@@ -9,7 +9,8 @@
 //! Measured beside the f32 AVX2 prototype, which adds entry by entry into sums in cache, interleaved on one machine
 //! (`benches/multiply.rs`): 1.2 to 1.4 times its time for a frame, 1.2 to 1.6 times for the whole product.
 //! Tried and dropped: walks of 256 moves at once (their streams evict each other); images of bands
-//! (`multiplying/response.rs`).
+//! (`multiplying/response.rs`); four lights of a batch that share each entry and its conversion, four rows at a time (7 to 14 %
+//! of a batch's time: half of its entries lie in columns too empty for it).
 //!
 //! Texel columns have no entries: their walk makes them anew from bits and normals (`texels.rs`).
 //!
@@ -23,5 +24,5 @@ mod engine;
 mod portable;
 mod texels;
 
-pub use columns::{Batch, Move, Scratch, Sums, TOGETHER, Target, batches};
+pub use columns::{Batch, Move, Scratch, Sums, Target, batches};
 pub use engine::Engine;
