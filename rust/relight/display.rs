@@ -43,11 +43,10 @@ impl Curve {
 
     #[inline(always)]
     fn nearest(&self, value: f32) -> u8 {
-        // Also where the value is no number.
-        if !(value > 0.0) {
+        if value.is_nan() {
             return 0;
         }
-        let value = value.min(1.0);
+        let value = value.clamp(0.0, 1.0);
         let mut shown = self.guesses[(value.to_bits() >> GUESS) as usize];
         while shown < 255 && self.starts[shown as usize + 1] <= value {
             shown += 1;

@@ -3,6 +3,9 @@
 //! All peaks of a frame are added bundle by bundle, so that normals and sums pass through the cache once. Plain Rust,
 //! compiled a second time for AVX2: the loops are over sixteen lanes.
 
+// By index: loops over lanes of several arrays at once.
+#![allow(clippy::needless_range_loop)]
+
 use super::columns::{Move, Sums, Target};
 use super::portable::publish;
 use crate::transport::entry::{GROUP, Rows16};
