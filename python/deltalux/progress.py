@@ -76,6 +76,8 @@ class _Bar(Reporter):
         self._stream.flush()
 
     def say(self, text: str) -> None:
+        if time.monotonic() - self._started < 1.0:
+            return
         # Over the bar, if it stands there.
         start = "\r" if self._open and self._stream.isatty() else ""
         self._stream.write(f"{start}{text:<78}\n")

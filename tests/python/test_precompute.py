@@ -410,7 +410,7 @@ def test_progress_bar_is_quiet_for_short_work(tmp_path, capsys):
 
 
 def test_a_plan_of_a_stranger_is_read_or_refused():
-    plan = dl.plan(room(), columns="haar:4").done([])
+    plan = dl.plan(room(), columns="haar:4").done([], {"sky": 0.01}, {})
     found = json.loads(plan.to_json())
     assert dl.Plan.from_json(json.dumps({**found, "mood": "good"})) == plan
     harmed = [

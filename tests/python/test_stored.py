@@ -24,6 +24,9 @@ def seen(name: str, size: tuple[int, int]) -> dl.Scene:
     return scene.with_camera(scene.camera.resized(*size))
 
 
+MEANT = {"preview": 0.05, "publication": 0.012, "lossless": 0.0}
+
+
 @pytest.fixture(scope="module")
 def stored():
     return np.load(STORED / "0.1.0.npz")
@@ -33,7 +36,9 @@ def stored():
 def test_the_same_inputs_give_the_bits_of_0_1_0(stored, name, tmp_path):
     size, columns, quality, methods = SCENES[name]
     path = tmp_path / "a.transport"
-    transport = dl.precompute(seen(name, size), path, columns=columns, quality=quality, progress=False)
+    # The number that a preset meant then.
+    scene, tolerance = seen(name, size), MEANT[quality]
+    transport = dl.precompute(scene, path, columns=columns, quality=quality, tolerance=tolerance, progress=False)
     assert transport.shape == tuple(stored[f"{name}-shape"])
     rows = np.linspace(0, transport.shape[0] - 1, 6).astype(int)
 
@@ -44,7 +49,9 @@ def test_the_same_inputs_give_the_bits_of_0_1_0(stored, name, tmp_path):
     B = transport.multiply(transport.coefficients(env))
     same("rows", np.stack([transport.row(int(row)) for row in rows]))
     same("product", B[rows])
-    same("picture", transport.image(B, env)[::5, ::5])
+    # The light behind is looked up in f32 since 0.3: a hundredth of a pixel of its map.
+    picture = transport.image(B, env)[::5, ::5]
+    np.testing.assert_allclose(picture, stored[f"{name}-picture"], rtol=1e-3, err_msg="picture")
     for k, method in enumerate(methods):
         relighter = dl.Relighter(transport, method)
         for degrees in (0, 3, 7, 40):
@@ -58,7 +65,12 @@ def test_a_file_of_version_1_is_read_as_one_part(tmp_path):
     old = dl.Transport.open(STORED / "version1.transport")
     assert old.version == (1, 0) and (old.channels, old.factors) == (1, 1)
     new = dl.precompute(
-        seen("cornell", (12, 12)), tmp_path / "new.transport", columns="haar:4", quality="preview", progress=False
+        seen("cornell", (12, 12)),
+        tmp_path / "new.transport",
+        columns="haar:4",
+        quality="preview",
+        tolerance=0.05,
+        progress=False,
     )
     assert new.version == (2, 0) and new.camera == old.camera and new.shape == old.shape
     np.testing.assert_array_equal(new.to_scipy().toarray(), old.to_scipy().toarray())
