@@ -189,8 +189,15 @@ fn set_threads(threads: usize) -> PyResult<()> {
         return Err(PyValueError::new_err(format!("expected 0 to 1024 threads, got {threads}")));
     }
     THREADS.store(threads, Ordering::Relaxed);
-    // The next call makes a new pool; the old one is left to whoever is still using it.
-    POOL.store(std::ptr::null_mut(), Ordering::Release);
+    // The next call makes a new pool; the old one is left to whoever is still using it, for ever. So one that has as many
+    // threads stays.
+    let wanted =
+        if threads > 0 { threads } else { std::thread::available_parallelism().map_or(0, |count| count.get()) };
+    // SAFETY: a pool is leaked when it is published and never freed.
+    let made = unsafe { POOL.load(Ordering::Acquire).as_ref() };
+    if made.is_none_or(|made| made.process != std::process::id() || made.pool.current_num_threads() != wanted) {
+        POOL.store(std::ptr::null_mut(), Ordering::Release);
+    }
     Ok(())
 }
 
