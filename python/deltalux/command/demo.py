@@ -23,7 +23,7 @@ __all__ = ["add", "demo"]
 FOLDER = "deltalux-demo"
 # As large as two cores finish in two minutes.
 SIZE = (128, 128)
-COLUMNS = "haar:32+texels"
+COLUMNS = "haar:32"
 QUALITY = "publication"
 _TRANSPORT = "plant.transport"
 
