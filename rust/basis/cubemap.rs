@@ -55,6 +55,17 @@ pub fn texel_of(size: usize, coordinate: f64) -> usize {
     (((coordinate + 1.0) * 0.5 * size as f64) as usize).min(size - 1)
 }
 
+/// The column and row of the k-th point of a Morton curve over 8 x 8 texels: any run of them lies close together.
+pub fn curve_point(k: usize) -> [usize; 2] {
+    [0, 1].map(|axis| (0..3).fold(0, |at, bit| at | (k >> (2 * bit + axis) & 1) << bit))
+}
+
+/// The place along the same curve of a column and a row below 8.
+pub fn curve_place(column: usize, row: usize) -> usize {
+    let spread = |k: usize| (k & 1) | (k & 2) << 1 | (k & 4) << 2;
+    spread(column) | spread(row) << 1
+}
+
 /// The texels around a direction, at most four, and how a point of light is shared among them: the shares sum to 1, their
 /// centres' mean points where the direction does, and both change without a jump, over the edges and corners of faces too.
 pub fn around(size: usize, direction: [f64; 3]) -> Vec<(usize, f64)> {

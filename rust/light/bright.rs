@@ -62,23 +62,28 @@ fn magnitude(pixel: &[f32; 3]) -> f64 {
 
 /// The magnitudes of all pixels, each times its solid angle.
 pub fn flux(layout: Layout, pixels: &[[f32; 3]]) -> f64 {
-    let area = |k: usize| match layout {
-        Layout::LatLong { width, height } => lat_long_area(width, height, k / width),
-        Layout::Cubemap { .. } => 4.0 * std::f64::consts::PI / pixels.len() as f64,
-    };
-    pixels.iter().enumerate().map(|(k, pixel)| magnitude(pixel) * area(k)).sum()
+    4.0 * std::f64::consts::PI * mean(layout, &magnitudes(pixels))
+}
+
+fn magnitudes(pixels: &[[f32; 3]]) -> Vec<f64> {
+    pixels.iter().map(magnitude).collect()
+}
+
+/// Over the sphere; the texels of a cubemap count alike.
+fn mean(layout: Layout, magnitudes: &[f64]) -> f64 {
+    let sum = |weigh: &dyn Fn(usize) -> f64| (0..magnitudes.len()).map(weigh).sum::<f64>();
+    match layout {
+        Layout::LatLong { width, height } => {
+            sum(&|k| magnitudes[k] * lat_long_area(width, height, k / width)) / (4.0 * std::f64::consts::PI)
+        }
+        Layout::Cubemap { .. } => sum(&|k| magnitudes[k]) / magnitudes.len() as f64,
+    }
 }
 
 /// The least magnitude that is not bright, such that at most `count` pixels are above it.
 fn cap(layout: Layout, pixels: &[[f32; 3]], count: usize) -> f64 {
-    let mut magnitudes: Vec<f64> = pixels.iter().map(magnitude).collect();
-    let sum = |weigh: &dyn Fn(usize) -> f64| (0..pixels.len()).map(weigh).sum::<f64>();
-    let mean = match layout {
-        Layout::LatLong { width, height } => {
-            sum(&|k| magnitudes[k] * lat_long_area(width, height, k / width)) / (4.0 * std::f64::consts::PI)
-        }
-        Layout::Cubemap { .. } => sum(&|k| magnitudes[k]) / pixels.len() as f64,
-    };
+    let mut magnitudes = magnitudes(pixels);
+    let mean = mean(layout, &magnitudes);
     if count >= magnitudes.len() {
         return BRIGHT * mean;
     }

@@ -1,6 +1,6 @@
 //! The directions of a cubemap that a pass shoots: texel centres, neighbours, and samples inside a texel.
 
-use crate::basis::cubemap::{direction_to_face_uv, face_point, texel_centre, texel_of};
+use crate::basis::cubemap::{curve_point, direction_to_face_uv, face_point, texel_centre, texel_of};
 use crate::scene::rays::{Fan, Octant};
 
 /// Every texel of the six faces, row-major, face after face.
@@ -108,17 +108,12 @@ fn blocks(size: usize) -> Vec<Vec<u32>> {
         let (face, row, column) =
             (number / (per_face * per_face), number / per_face % per_face * side, number % per_face * side);
         let texel = |k: usize| {
-            let [x, y] = along_curve(k);
+            let [x, y] = curve_point(k);
             (face * size * size + (row + y) * size + column + x) as u32
         };
         (0..side * side).map(texel).collect()
     };
     (0..6 * per_face * per_face).map(block).collect()
-}
-
-/// The k-th point of a Morton curve over 8 x 8.
-fn along_curve(k: usize) -> [usize; 2] {
-    [0, 1].map(|axis| (0..3).fold(0, |at, bit| at | (k >> (2 * bit + axis) & 1) << bit))
 }
 
 /// Two numbers in [0, 1) that depend on nothing but the index (SplitMix64).

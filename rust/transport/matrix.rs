@@ -9,7 +9,7 @@ use crate::basis::{Bands, ColumnSpace};
 use crate::error::Result;
 
 use super::entry::{Channels, GROUP, Rows16, bf16, group_of};
-use super::sight::texel_columns;
+use super::sight::{BUNDLE, Texels, texel_columns};
 use super::tile::Tile;
 use super::truncate::Truncation;
 
@@ -73,10 +73,13 @@ impl TransportMatrix {
             }
         }
         if let Some(sight) = &tile.sight {
-            let texels = texel_columns(sight.size);
-            let values = dense[self.bands.stored()..].iter_mut().zip(texels.iter()).enumerate();
-            values.for_each(|(texel, (value, column))| {
-                *value = sight.lanes(group, texel, column)[lane];
+            let columns = texel_columns(sight.size);
+            let mut masks = vec![0; columns.len()];
+            sight.masks(row % self.tile_rows / BUNDLE, &Texels::new(sight.size, 0..columns.len()), &mut masks);
+            let values = dense[self.bands.stored()..].iter_mut().zip(columns).zip(masks);
+            values.for_each(|((value, column), mask)| {
+                let open = (mask >> (group * GROUP % BUNDLE)) as u16;
+                *value = sight.lanes(group, open, column)[lane];
             });
         }
         dense
@@ -137,11 +140,15 @@ impl TransportMatrix {
                 *count += range[1] - range[0];
             }
         }
-        // Down each texel, tile after tile.
-        let texels = entries[self.bands.stored()..].par_iter_mut().enumerate();
-        texels.for_each(|(texel, count)| {
-            *count = self.tiles.iter().flat_map(|tile| &tile.sight).map(|sight| sight.groups_at(texel)).sum();
+        let counts = self.tiles.par_iter().filter_map(|tile| {
+            let sight = tile.sight.as_ref()?;
+            let mut counts = vec![0; self.bands.texels];
+            sight.for_each_open(&Texels::new(sight.size, 0..counts.len()), |_, texel, _| counts[texel] += 1);
+            Some(counts)
         });
+        for counts in counts.collect::<Vec<Vec<u32>>>() {
+            entries[self.bands.stored()..].iter_mut().zip(counts).for_each(|(entries, count)| *entries += count);
+        }
         entries
     }
 
@@ -181,15 +188,18 @@ impl TransportMatrix {
                             add(row, channel, &tile.lanes(entry, channel, self.quantum), out);
                         }
                     }
-                    let texel = tile.sight.as_ref().zip(column.checked_sub(self.bands.stored()));
-                    if let Some((sight, texel)) = texel {
-                        let of = &texel_columns(sight.size)[texel];
-                        for group in (0..tile.groups()).filter(|&group| sight.open(group, texel) != 0) {
-                            let row = number * self.tile_rows + group * GROUP;
-                            add(row, 0, &sight.lanes(group, texel, of), out);
-                        }
-                    }
                 }
+                // Of the chunk's columns those that are texels, all of them in one reading of the bits.
+                let Some(sight) = &tile.sight else { continue };
+                let stored = self.bands.stored();
+                let first = (chunk * COLUMNS).max(stored);
+                let texels = first - stored..(chunk * COLUMNS + results.len() / k).max(first) - stored;
+                let columns = &texel_columns(sight.size)[texels.clone()];
+                sight.for_each_open(&Texels::new(sight.size, texels), |group, place, open| {
+                    let row = number * self.tile_rows + group * GROUP;
+                    let at = (first - chunk * COLUMNS + place) * k;
+                    add(row, 0, &sight.lanes(group, open, &columns[place]), &mut results[at..at + k]);
+                });
             }
         });
     }
@@ -200,14 +210,24 @@ impl Tile {
     fn to_csr(&self, channel: usize, texels: usize, quantum: i32) -> Csr {
         let (starts, entries) = self.by_group();
         let mut csr = Csr { indptr: vec![0], indices: Vec::new(), data: Vec::new() };
+        let list = self.sight.as_ref().map(|sight| Texels::new(sight.size, 0..texel_columns(sight.size).len()));
+        let mut masks = vec![0; self.sight.as_ref().map_or(0, |sight| texel_columns(sight.size).len())];
         for (number, range) in starts.windows(2).enumerate() {
             let group = &entries[range[0] as usize..range[1] as usize];
             let mut lanes: Vec<(u32, Rows16)> =
                 group.iter().map(|&(column, entry)| (column, self.lanes(entry as usize, channel, quantum))).collect();
-            if let Some(sight) = &self.sight {
-                let seen = texel_columns(sight.size);
-                let seen = seen.iter().enumerate().filter(|(texel, _)| sight.open(number, *texel) != 0);
-                lanes.extend(seen.map(|(texel, of)| ((texels + texel) as u32, sight.lanes(number, texel, of))));
+            if let Some((sight, list)) = self.sight.as_ref().zip(list.as_ref()) {
+                let first = number * GROUP % BUNDLE;
+                if first == 0 {
+                    sight.masks(number * GROUP / BUNDLE, list, &mut masks);
+                }
+                // Texels stand behind all other columns.
+                let open = |(texel, mask): (usize, &u64)| (texel, (mask >> first) as u16);
+                let seen = masks.iter().enumerate().map(open).filter(|(_, open)| *open != 0);
+                let columns = texel_columns(sight.size);
+                lanes.extend(
+                    seen.map(|(texel, open)| ((texels + texel) as u32, sight.lanes(number, open, &columns[texel]))),
+                );
             }
             for lane in 0..GROUP.min(self.rows + 1 - csr.indptr.len()) {
                 for (column, values) in &lanes {

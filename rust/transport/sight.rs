@@ -17,12 +17,11 @@
 //! anew, so that a mask is found in a few steps. (Measured, plant 512x512: 57 MB, where plain masks of what is neither all
 //! open nor all closed take 120; masks of 16 rows instead take as much.)
 
-use std::collections::HashMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::OnceLock;
 
-use crate::basis::cubemap::{solid_angles, texel_direction};
+use crate::basis::cubemap::{curve_place, solid_angles, texel_direction};
 
-use super::entry::{GROUP, Rows16, bf16_up, power_of_two};
+use super::entry::{GROUP, Rows16, bf16_up, nearest_integer, power_of_two};
 use super::slab::Slab;
 
 /// Rows of a mask.
@@ -45,11 +44,11 @@ pub struct TexelColumn {
     pub factor: f32,
 }
 
-/// The columns of all 6 `size`^2 texels, row-major, face after face; made once for each size.
-pub fn texel_columns(size: usize) -> Arc<Vec<TexelColumn>> {
-    static MADE: Mutex<Option<HashMap<usize, Arc<Vec<TexelColumn>>>>> = Mutex::new(None);
-    let mut made = MADE.lock().unwrap_or_else(PoisonError::into_inner);
-    let columns = made.get_or_insert_default().entry(size).or_insert_with(|| {
+/// The columns of all 6 `size`^2 texels, row-major, face after face; made once for each size, a power of two up to
+/// `ColumnSpace::MAX_HAAR`.
+pub fn texel_columns(size: usize) -> &'static [TexelColumn] {
+    static MADE: [OnceLock<Vec<TexelColumn>>; 10] = [const { OnceLock::new() }; 10];
+    MADE[size.trailing_zeros() as usize].get_or_init(|| {
         let areas = solid_angles(size);
         let column = |texel: usize| {
             let (face, at) = (texel / (size * size), texel % (size * size));
@@ -58,9 +57,8 @@ pub fn texel_columns(size: usize) -> Arc<Vec<TexelColumn>> {
                 factor: (areas[at].sqrt() / std::f64::consts::PI) as f32,
             }
         };
-        Arc::new((0..6 * size * size).map(column).collect())
-    });
-    Arc::clone(columns)
+        (0..6 * size * size).map(column).collect()
+    })
 }
 
 impl TexelColumn {
@@ -82,11 +80,10 @@ impl TexelColumn {
     }
 }
 
-/// The nearest integer, ties to even, of a number below 2^51: three operations on any machine.
+/// The nearest integer to a value in units.
 #[inline(always)]
 pub fn whole(value: f32) -> f64 {
-    const SHIFT: f64 = 1.5 * (1u64 << 52) as f64;
-    (f64::from(value) + SHIFT) - SHIFT
+    nearest_integer(f64::from(value))
 }
 
 /// What the rows of one bundle see, as a pass finds it.
@@ -138,8 +135,7 @@ fn place(size: usize, texel: usize) -> (usize, usize) {
     let (face, row, column) = (texel / (size * size), texel / size % size, texel % size);
     let along = size / side;
     let block = (face * along + row / side) * along + column / side;
-    let spread = |k: usize| (k & 1) | (k & 2) << 1 | (k & 4) << 2;
-    (block, spread(column % side) | spread(row % side) << 1)
+    (block, curve_place(column % side, row % side))
 }
 
 /// Texels in the order in which their masks are stored.
@@ -154,12 +150,12 @@ struct Texel {
 
 impl Texels {
     /// Of a list without repetitions.
-    pub fn new(size: usize, texels: &[usize]) -> Self {
-        let of = |(number, &texel): (usize, &usize)| {
+    pub fn new(size: usize, texels: impl IntoIterator<Item = usize>) -> Self {
+        let of = |(number, texel): (usize, usize)| {
             let (block, at) = place(size, texel);
             Texel { block, at, number }
         };
-        let mut places: Vec<Texel> = texels.iter().enumerate().map(of).collect();
+        let mut places: Vec<Texel> = texels.into_iter().enumerate().map(of).collect();
         places.sort_by_key(|texel| (texel.block, texel.at));
         Texels(places)
     }
@@ -274,14 +270,8 @@ impl Sight {
         4 * self.blocks.len() + self.stream.len()
     }
 
-    /// The rows of a bundle that see a texel, one bit each; those that have it below their horizon may say anything.
-    pub fn mask(&self, bundle: usize, texel: usize) -> u64 {
-        let mut mask = [0];
-        self.masks(bundle, &Texels::new(self.size, &[texel]), &mut mask);
-        mask[0]
-    }
-
-    /// The same for each of some texels. Those of one square are read in one go.
+    /// For each of some texels the rows of a bundle that see it, one bit each; rows that have it below their horizon may say
+    /// anything. Texels of one square are read in one go.
     pub fn masks(&self, bundle: usize, texels: &Texels, masks: &mut [u64]) {
         let blocks = &self.blocks[bundle * blocks_of(self.size)..];
         for square in texels.0.chunk_by(|a, b| a.block == b.block && a.at / SQUARE == b.at / SQUARE) {
@@ -326,7 +316,7 @@ impl Sight {
         }
     }
 
-    /// Whether every mask can be read: afterwards `mask` never leaves the stream.
+    /// Whether every mask can be read: afterwards `masks` never leaves the stream.
     pub fn check(&self) -> std::result::Result<(), String> {
         for (number, &start) in self.blocks.iter().enumerate() {
             if start < OPEN && !self.readable(start as usize) {
@@ -358,16 +348,23 @@ impl Sight {
         true
     }
 
-    /// The rows of a group that see a texel, one bit each.
-    #[inline]
-    pub fn open(&self, group: usize, texel: usize) -> u16 {
-        (self.mask(group * GROUP / BUNDLE, texel) >> (group * GROUP % BUNDLE)) as u16
-    }
-
-    /// Groups of which some row sees a texel.
-    pub fn groups_at(&self, texel: usize) -> u32 {
+    /// Calls `visit(group, place in the list, open rows)` for each group of which some row sees a texel of the list, bundle
+    /// after bundle, and down each texel group after group.
+    pub fn for_each_open(&self, texels: &Texels, mut visit: impl FnMut(usize, usize, u16)) {
         let groups = (self.normals.len() / 3).div_ceil(GROUP);
-        (0..groups).map(|group| u32::from(self.open(group, texel) != 0)).sum()
+        let mut masks = vec![0; texels.0.len()];
+        for bundle in 0..self.bundles() {
+            self.masks(bundle, texels, &mut masks);
+            let first = bundle * BUNDLE / GROUP;
+            for group in first..groups.min(first + BUNDLE / GROUP) {
+                for (place, mask) in masks.iter().enumerate() {
+                    let open = (mask >> ((group - first) * GROUP)) as u16;
+                    if open != 0 {
+                        visit(group, place, open);
+                    }
+                }
+            }
+        }
     }
 
     /// The normals of a group, axis by axis; those of rows that pad it are zero.
@@ -381,13 +378,12 @@ impl Sight {
         lanes
     }
 
-    /// A texel's column in a group of rows, exactly as it is multiplied.
-    pub fn lanes(&self, group: usize, texel: usize, column: &TexelColumn) -> Rows16 {
-        let mask = self.open(group, texel);
+    /// A texel's column in a group of rows of which some see it, exactly as it is multiplied.
+    pub fn lanes(&self, group: usize, open: u16, column: &TexelColumn) -> Rows16 {
         let step = f64::from(power_of_two(self.quantum));
         let mut lanes = column.in_units(self.quantum).values(&self.group_normals(group));
         for (lane, value) in lanes.iter_mut().enumerate() {
-            *value = if mask >> lane & 1 == 1 { (whole(*value) * step) as f32 } else { 0.0 };
+            *value = if open >> lane & 1 == 1 { (whole(*value) * step) as f32 } else { 0.0 };
         }
         lanes
     }

@@ -182,6 +182,31 @@ def test_maps_that_the_code_has_not_seen(still_life, path):
         assert relative(transport.multiply(V), lossless.multiply(V)) <= 1.25 * transport.error
 
 
+def test_info_says_what_texels_hold(still_life, tmp_path, capsys):
+    from deltalux.command import cli
+
+    folder = tmp_path / "copy.transport"
+    copy = still_life[0].truncated(folder, 0.05)
+    assert 0 < copy.texel_bytes < copy.nbytes
+    assert cli.main(["info", str(folder)]) == 0
+    (line,) = (line for line in capsys.readouterr().out.splitlines() if line.split()[:1] == ["6"])
+    assert line.split()[-1] == f"{copy.texel_bytes / 1e6:,.2f}"
+
+
+def test_norms_and_costs_of_texels_are_those_of_their_columns(cornell_texels):
+    M = abs(cornell_texels.to_scipy()).tocsc()
+    norms = np.sqrt(np.asarray(M.multiply(M).sum(axis=0)).ravel())
+    assert np.allclose(cornell_texels.column_norms, norms, rtol=1e-5, atol=1e-9)
+    y = np.random.default_rng(3).normal(size=cornell_texels.shape[0])
+    assert np.allclose(cornell_texels.rmatvec(y), cornell_texels.to_scipy().T @ y, rtol=1e-4, atol=1e-5)
+    # A texel that no row sees costs nothing; one that some row sees, an entry for each group of 16 rows.
+    entries = cornell_texels.column_bytes[384:] / 18
+    groups = np.asarray(np.add.reduceat((M[:, 384:] > 0).toarray(), np.arange(0, M.shape[0], 16), axis=0) > 0).sum(
+        axis=0
+    )
+    assert (entries >= groups).all() and ((entries == 0) <= (groups == 0)).all()
+
+
 def test_a_truncated_copy_keeps_its_texels_and_forgets_its_numbers(still_life, tmp_path):
     transport = still_life[0]
     smaller = transport.truncated(tmp_path / "small.transport", 0.1)

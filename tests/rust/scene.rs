@@ -205,6 +205,17 @@ fn blocked_all_ways(tracer: &Tracer, from: &Apex, directions: &[[f32; 3]]) -> Ve
     blocked
 }
 
+/// Holds every answer to rays from one point against brute force; how many of them were sure.
+fn check_against_brute_force(mesh: &Mesh, tracer: &Tracer, from: &Apex, directions: &[[f32; 3]]) -> usize {
+    let blocked = blocked_all_ways(tracer, from, directions);
+    let sure = directions.iter().zip(blocked).filter(|&(&direction, blocked)| {
+        let (expected, doubtful) = brute(mesh, from.origin, direction);
+        assert!(doubtful || expected.is_some() == blocked, "from {from:?} towards {direction:?}");
+        !doubtful
+    });
+    sure.count()
+}
+
 /// No normal: the point lies on no surface, and every direction counts.
 fn free(origin: [f32; 3]) -> Apex {
     Apex { origin, normal: [0.0; 3] }
@@ -275,11 +286,7 @@ proptest! {
         let directions = block_around(dice.direction(), spread, rays, &mut dice);
         for _ in 0..16 {
             let from = free(narrow(dice.point()));
-            let blocked = blocked_all_ways(&tracer, &from, &directions);
-            for (&direction, blocked) in directions.iter().zip(blocked) {
-                let (expected, doubtful) = brute(&mesh, from.origin, direction);
-                prop_assert!(doubtful || expected.is_some() == blocked);
-            }
+            check_against_brute_force(&mesh, &tracer, &from, &directions);
         }
     }
 
@@ -294,11 +301,7 @@ proptest! {
             directions.push(narrow(unit([k / 9, k / 3 % 3, k % 3].map(|x| x as f64 - 1.0))));
         }
         let from = free(narrow(dice.point()));
-        let blocked = blocked_all_ways(&tracer, &from, &directions);
-        for (&direction, blocked) in directions.iter().zip(blocked) {
-            let (expected, doubtful) = brute(&mesh, from.origin, direction);
-            prop_assert!(doubtful || expected.is_some() == blocked);
-        }
+        check_against_brute_force(&mesh, &tracer, &from, &directions);
     }
 
     /// A ray that ends is blocked by what lies before its end, and by nothing else.
@@ -501,12 +504,7 @@ fn slivers_agree_with_brute_force() {
     for _ in 0..200 {
         let from = free(narrow(dice.point()));
         let directions = block_around(dice.direction(), 0.05, FAN, &mut dice);
-        let blocked = blocked_all_ways(&tracer, &from, &directions);
-        for (&direction, blocked) in directions.iter().zip(blocked) {
-            let (expected, doubtful) = brute(&mesh, from.origin, direction);
-            sure += !doubtful as usize;
-            assert!(doubtful || expected.is_some() == blocked);
-        }
+        sure += check_against_brute_force(&mesh, &tracer, &from, &directions);
     }
     assert!(sure > 5000, "{sure}");
 }
@@ -540,11 +538,7 @@ fn unusual_trees_agree_with_brute_force() {
         let directions = texel_centres(4);
         for _ in 0..64 {
             let from = free(narrow(dice.point()));
-            let blocked = blocked_all_ways(&tracer, &from, &directions);
-            for (&direction, blocked) in directions.iter().zip(blocked) {
-                let (expected, doubtful) = brute(&mesh, from.origin, direction);
-                assert!(doubtful || expected.is_some() == blocked);
-            }
+            check_against_brute_force(&mesh, &tracer, &from, &directions);
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use _core::basis::cubemap::{around, texel_direction};
 use _core::light::{EnvironmentMap, Layout};
-use _core::transport::sight::{Encoded, Seen, Sight, texel_columns};
+use _core::transport::sight::{Encoded, Seen, Sight, Texels, texel_columns};
 use proptest::prelude::*;
 
 use crate::transport::noise;
@@ -47,15 +47,21 @@ proptest! {
         let columns = texel_columns(size);
         for (bundle, seen) in bundles.iter().enumerate() {
             let mut squares = vec![0.0; seen.normals.len()];
+            let mut masks = vec![0; columns.len()];
+            sight.masks(bundle, &Texels::new(size, 0..columns.len()), &mut masks);
             for (texel, column) in columns.iter().enumerate() {
-                let mask = sight.mask(bundle, texel);
+                // Alone, too.
+                let mut mask = [0];
+                sight.masks(bundle, &Texels::new(size, [texel]), &mut mask);
+                let [mask] = mask;
+                prop_assert_eq!(mask, masks[texel]);
                 for (row, normal) in seen.normals.iter().enumerate() {
                     let cosine: f32 = (0..3).map(|k| normal[k] * column.direction[k]).sum();
                     if cosine > 1e-6 {
                         prop_assert_eq!(mask >> row & 1, seen.open[texel] >> row & 1);
                     }
                     let group = bundle * 4 + row / 16;
-                    let value = f64::from(sight.lanes(group, texel, column)[row % 16]);
+                    let value = f64::from(sight.lanes(group, (mask >> (row / 16 * 16)) as u16, column)[row % 16]);
                     let truth = f64::from(cosine.max(0.0)) * f64::from(column.factor) * (seen.open[texel] >> row & 1) as f64;
                     prop_assert!((value - truth).abs() <= 2f64.powi(-25) + 1e-6 * truth, "{} {}", value, truth);
                     prop_assert_eq!(value * 2f64.powi(24), (value * 2f64.powi(24)).round());
@@ -85,9 +91,7 @@ proptest! {
         }
         let sight = Sight { stream: stream.into(), blocks: blocks.into(), ..whole };
         if sight.check().is_ok() {
-            (0..384).for_each(|texel| {
-                std::hint::black_box(sight.mask(0, texel));
-            });
+            sight.masks(0, &Texels::new(8, 0..384), &mut vec![0; 384]);
         }
     }
 

@@ -58,7 +58,12 @@ class Haar:
     @property
     def columns(self) -> int:
         """How many columns there are: 6 size^2, and as many texels."""
-        return (12 if self.texels else 6) * self.size**2
+        return 2 * self.wavelets if self.texels else self.wavelets
+
+    @property
+    def wavelets(self) -> int:
+        """How many of the columns are wavelets, which come first: 6 size^2."""
+        return 6 * self.size**2
 
     @property
     def face(self) -> int:

@@ -58,10 +58,12 @@ def _info(chosen: argparse.Namespace) -> None:
     say(transport)
     say(transport.plan)
     columns, size = transport.columns, transport.column_bytes
-    label = columns.band_label.lower()
+    label, texels, last = columns.band_label.lower(), transport.texel_bytes, int(columns.bands[-1])
     say(f"  {'band':>4} {'columns':>8} {label:>22} {'MB':>9}")
     for band, name in enumerate(columns.band_names):
         own = columns.bands == band
-        say(f"  {band:>4} {own.sum():>8,} {name:>22} {size[own].sum() / 1e6:>9,.2f}")
+        # Texels, the last band where there are any, hold bits and no entries.
+        held = texels if texels and band == last else size[own].sum()
+        say(f"  {band:>4} {own.sum():>8,} {name:>22} {held / 1e6:>9,.2f}")
     for name, length in transport.files:
         say(f"  {name}: {length:,} bytes")

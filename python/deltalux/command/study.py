@@ -43,7 +43,7 @@ def _study(chosen: argparse.Namespace) -> None:
     name, motion = chosen.study, motion_of(chosen)
     folder = Path(chosen.output or f"deltalux-study-{name}")
     envs = [environment_of(env, chosen) for env in chosen.env or [_STUDY_LIGHT]]
-    chosen.columns = chosen.columns or ("haar:64+texels" if name == "peaks" else "haar:64")
+    chosen.columns = chosen.columns or ("haar:64+texels" if STUDIES[name].needs_texels else "haar:64")
     columns, own = parse(chosen.columns), chosen.method
     if not isinstance(columns, Haar):
         raise ValueError(f"studies follow wavelets: expected --columns haar:N, got {columns}")

@@ -81,7 +81,7 @@ def lights(columns: Columns) -> tuple[Light, ...]:
 
 
 def _stored(columns: Haar, env: Environment, peaks: int) -> NDArray[np.float64]:
-    return columns.coefficients(env, peaks)[: columns.columns // 2]
+    return columns.coefficients(env, peaks)[: columns.wavelets]
 
 
 def _sun(columns: Columns) -> Environment:

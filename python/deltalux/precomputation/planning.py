@@ -138,13 +138,11 @@ def _cost(
     entry = entry_bytes(settings.width, channels)
     entries, texels = survey.looked.entries_per_group, survey.looked.texel_bytes
     tile = TILE_ROWS / GROUP * entries * entry + TILE_ROWS / BUNDLE * texels
-    # Columns that have entries: texels have none.
-    stored = columns.columns // 2 if texels else columns.columns
-    audit = min(_AUDIT_GROUPS, groups // 64) * stored * _FILLED * entry_bytes("i16", channels)
+    audit = min(_AUDIT_GROUPS, groups // 64) * prepared.stored * _FILLED * entry_bytes("i16", channels)
     bands = int(columns.bands[-1]) + 1
     camera = prepared.scene.camera
     receivers = rows * (4 + 4 + 36 + 2) + 4 * camera.width * camera.height
-    matrix = groups * entries * entry + tiles * 4 * (stored + 1) + rows * bands * 4 + prepared.bundles * texels
+    matrix = groups * entries * entry + tiles * 4 * (prepared.stored + 1) + rows * bands * 4 + prepared.bundles * texels
     seconds = (
         surveyed_bundles(rows) * survey_seconds
         + prepared.bundles * bundle_seconds
@@ -190,8 +188,7 @@ def _left_out(prepared: Prepared, probe: _Probe, part: Part) -> list[LeftOut]:
             f"{100 * (1 - probe.above_share):.0f} % of {6 * columns.face**2:,} directions a receiver",
         )
     )
-    looked = probe.survey.looked
-    kept = looked.entries_per_group / (columns.columns // 2 if looked.texel_bytes else columns.columns)
+    kept = probe.survey.looked.entries_per_group / prepared.stored
     if settings.tolerance > 0 and kept < 1:
         left_out.append(
             LeftOut("entries that truncation finds too small", f"{100 * (1 - kept):.1f} % of columns in 16 rows")

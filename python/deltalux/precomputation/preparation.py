@@ -11,7 +11,7 @@ import numpy as np
 
 from .._core import DirectPass, Looked
 from .._core import Scene as CoreScene
-from ..columns import Columns, parse
+from ..columns import Columns, Haar, parse
 from ..scene.scene import Scene
 from .lights import lights
 from .quality import QUALITIES, Quality
@@ -80,6 +80,11 @@ class Prepared:
     def bundles(self) -> int:
         """Bundles of all rows."""
         return -(-self.count // BUNDLE)
+
+    @property
+    def stored(self) -> int:
+        """Columns that have entries: of texels rows keep bits."""
+        return self.columns.wavelets if isinstance(self.columns, Haar) else self.columns.columns
 
     def survey(self, bundles: int, progress: Callable[[int], None] | None = None) -> Survey:
         """Looks at some bundles: by which threshold the tolerance is kept, and what follows from it."""

@@ -183,7 +183,6 @@ class _Run:
             self.tell.expect(cost.seconds)
             self.tell.say(f"{self.prepared.scene.name}: {cost}, {said(survey, self.prepared)}")
         threshold = survey.looked.threshold
-        self.audit = (survey.looked.groups, survey.looked.audit)
         self.survey = survey
         tiles = -(-count // TILE_ROWS)
         finished = set(self.writer.finished(part.name))
@@ -225,7 +224,7 @@ class _Run:
         """Writes what turns rows into pictures, and what was done and left out."""
         scene, rows = self.prepared.scene, self.prepared.rows
         camera = scene.camera
-        groups, tile = self.audit
+        looked = self.survey.looked
         table = rows.table(
             (camera.height, camera.width),
             scene.albedo_at(rows.triangle, rows.barycentric),
@@ -237,7 +236,7 @@ class _Run:
             camera=json.dumps(asdict(camera)),
             plan=plan.done(self.notes, self.survey.errors, self.survey.without).to_json(),
             scene=scene.content_hash(),
-            audit=(groups, tile) if len(groups) else None,
+            audit=(looked.groups, looked.audit) if len(looked.groups) else None,
         )
 
 

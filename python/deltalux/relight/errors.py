@@ -21,6 +21,16 @@ def relative_errors(found: NDArray[Any], exact: NDArray[Any]) -> tuple[float, fl
     )
 
 
+def errors_of_lights(
+    found: NDArray[Any], exact: NDArray[Any], weight: NDArray[Any] | float = 1.0
+) -> NDArray[np.float64]:
+    """Relative L2 error of (k, rows, 3) under each of k lights, weighted; lights that reach nothing are left out."""
+    d = np.square((found.astype(np.float64) - exact) * weight).sum(axis=(1, 2))
+    size = np.square(exact.astype(np.float64) * weight).sum(axis=(1, 2))
+    lit = size > 0
+    return np.asarray(np.sqrt(d[lit] / size[lit]) if lit.any() else np.zeros(1))
+
+
 def _ratio(error: float, size: float) -> float:
     """No error is 0, whatever it is relative to; an error relative to nothing is infinite."""
     if error == 0.0:

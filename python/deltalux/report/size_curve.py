@@ -18,6 +18,7 @@ from ..columns.haar import Haar
 from ..columns.inner import Inner
 from ..light.environment import Environment
 from ..light.motion import Motion
+from ..relight.errors import errors_of_lights
 from ..transport.entry import entry_bytes
 from ..transport.transport import Transport
 
@@ -59,9 +60,10 @@ def size_curve(transport: Transport, envs: Sequence[Environment], motion: Motion
 
     def errors(multiply: Product) -> tuple[dict[str, float], float, float]:
         of = {
-            name: float(np.mean(_error(multiply(V), audit.multiply(V)[:, real], weight))) for name, V in lights.items()
+            name: float(np.mean(errors_of_lights(multiply(V), audit.multiply(V)[:, real], weight)))
+            for name, V in lights.items()
         }
-        sun = _error(multiply(suns), audit.multiply(suns)[:, real], weight)
+        sun = errors_of_lights(multiply(suns), audit.multiply(suns)[:, real], weight)
         return of, float(np.mean(sun)), float(np.max(sun))
 
     # Entries grow with the rows; what lists them and the norms of the rows are as large for every truncation.
@@ -101,11 +103,3 @@ def _suns(transport: Transport) -> NDArray[np.float64]:
         face, row, column = int(random.choice([0, 1, 2, 4, 5])), int(random.integers(n)), int(random.integers(n))
         cubemap[face, row if face == 2 else row // 2, column] = 1.0
     return np.stack([transport.coefficients(Environment.from_cubemap(cubemap)) for cubemap in maps])
-
-
-def _error(found: NDArray[np.float32], exact: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Relative L2 error of the reflected light under each of k lights, (k,); lights that reach nothing are left out."""
-    d = np.square((found.astype(np.float64) - exact) * weight).sum(axis=(1, 2))
-    size = np.square(exact.astype(np.float64) * weight).sum(axis=(1, 2))
-    lit = size > 0
-    return np.sqrt(d[lit] / size[lit]) if lit.any() else np.zeros(1)

@@ -12,6 +12,7 @@ from ..pages.plotting import FAMILIES, logarithmic
 from ..pages.verdict import Verdict
 from ..progress import Progress
 from ..relight.entrants import BI_30, NWA_100, PBI_30, Entrant
+from ..relight.errors import errors_of_lights
 from ..transport.entry import entry_bytes
 from ..transport.transport import Transport
 from .case import Case, Light, follow, light_errors, lights
@@ -87,10 +88,8 @@ def run(case: Case, sheet: Sheet, progress: Progress) -> None:
 
 
 def _error(found: NDArray[np.float32], exact: NDArray[np.float32]) -> float:
-    """Relative L2, the mean over lights."""
-    lost = np.square(found.astype(np.float64) - exact).sum(axis=(1, 2))
-    whole = np.square(exact.astype(np.float64)).sum(axis=(1, 2))
-    return float(np.sqrt(lost / np.maximum(whole, 1e-300)).mean())
+    """The mean over lights."""
+    return float(errors_of_lights(found, exact).mean())
 
 
 def _megabytes(transport: Transport, cut: Transport, rows: int) -> float:

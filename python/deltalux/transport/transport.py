@@ -107,6 +107,11 @@ class Transport:
         return self._core.entries
 
     @property
+    def texel_bytes(self) -> int:
+        """Bytes of M that are bits of texel columns; 0 where there are none."""
+        return self._core.texel_bytes
+
+    @property
     def files(self) -> list[tuple[str, int]]:
         """Names of the files in the directory, and their bytes."""
         return self._core.files
@@ -190,11 +195,11 @@ class Transport:
             If peaks are asked of columns without texels, or their number is negative.
         """
         columns = self.columns
-        if peaks is None:
-            return columns.coefficients(env)
-        if not isinstance(columns, Haar):
+        if isinstance(columns, Haar):
+            return columns.coefficients(env, peaks)
+        if peaks is not None:
             raise ValueError(f"expected columns with texels to send peaks through, got {columns}")
-        return columns.coefficients(env, peaks)
+        return columns.coefficients(env)
 
     def multiply(self, V: ArrayLike, *, mix: ArrayLike | None = None) -> NDArray[np.float32]:
         """B = M V, the exact product in one go.
@@ -311,7 +316,11 @@ class Transport:
 
     @cached_property
     def column_bytes(self) -> NDArray[np.float64]:
-        """The bytes of M that a frame streams for each column: (columns,)."""
+        """The bytes of M that a frame streams for each column: (columns,).
+
+        A texel's column, which holds few bytes and is made anew, counts as an entry for each group of rows that sees
+        it: it takes about as long.
+        """
         return self._core.column_bytes()
 
     @cached_property

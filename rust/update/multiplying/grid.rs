@@ -11,7 +11,7 @@
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::transport::entry::{GROUP, MAX_SPAN, group_of, shift_of};
+use crate::transport::entry::{GROUP, MAX_SPAN, group_of, nearest_integer, shift_of};
 use crate::transport::{Tile, TransportMatrix};
 
 /// Bits of an f64's significand.
@@ -220,12 +220,10 @@ pub(in crate::update) fn above(x: f64) -> f64 {
     x * (1.0 + power_of_two(-30))
 }
 
-/// The nearest integer, ties to even. Adding 1.5 * 2^52 leaves no bits below one; where processors have no rounding
-/// instruction (baseline x86-64) this is ten times as fast as `round_ties_even`, which is then a call.
+/// The nearest integer, ties to even, of any number.
 #[inline(always)]
 fn round(x: f64) -> f64 {
-    const SHIFT: f64 = 1.5 * (1u64 << 52) as f64;
-    if x.abs() < (1u64 << 51) as f64 { (x + SHIFT) - SHIFT } else { x.round_ties_even() }
+    if x.abs() < (1u64 << 51) as f64 { nearest_integer(x) } else { x.round_ties_even() }
 }
 
 /// The least e with x <= 2^e, for finite x >= 0; the finest spacing for zero.

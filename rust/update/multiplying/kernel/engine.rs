@@ -11,7 +11,7 @@ use super::{portable, texels};
 /// One batch and where it goes.
 struct Work<'a> {
     tile: &'a Tile,
-    read: Read,
+    sorted: bool,
     moves: &'a [Move],
     scratch: &'a mut Scratch,
     target: Target<'a>,
@@ -41,7 +41,7 @@ impl Engine {
         if let (Read::Texels, Some(sight)) = (batch.read, &tile.sight) {
             return texels::walk(sight, tile.columns(), moves, self == Engine::Native, target);
         }
-        let work = Work { tile, read: batch.read, moves, scratch, target };
+        let work = Work { tile, sorted: batch.read == Read::Sorted, moves, scratch, target };
         match (&tile.values, tile.channels) {
             (Values::I8(values), Channels::One) => self.walk_columns::<i8, 1>(bytemuck::cast_slice(values), work),
             (Values::I8(values), Channels::Three) => self.walk_columns::<i8, 3>(bytemuck::cast_slice(values), work),
@@ -51,21 +51,19 @@ impl Engine {
     }
 
     fn walk_columns<T: Integer, const C: usize>(self, entries: &[[[T; GROUP]; C]], work: Work<'_>) {
-        let Work { tile, read, moves, scratch, target } = work;
+        let Work { tile, sorted, moves, scratch, target } = work;
         let columns = Columns { starts: &tile.starts, words: &tile.words, entries };
         #[cfg(target_arch = "x86_64")]
         if self == Engine::Native && avx2::available() {
             // SAFETY: the processor has what the code needs.
-            return match read {
-                Read::Sorted => unsafe { avx2::walk_sorted(&columns, moves, &mut scratch.sorted, target) },
-                Read::Marked | Read::Texels => unsafe {
-                    avx2::walk_marked(&columns, moves, &mut scratch.marks, target)
-                },
+            return match sorted {
+                false => unsafe { avx2::walk_marked(&columns, moves, &mut scratch.marks, target) },
+                true => unsafe { avx2::walk_sorted(&columns, moves, &mut scratch.sorted, target) },
             };
         }
-        match read {
-            Read::Sorted => portable::walk_sorted(&columns, moves, &mut scratch.sorted, target),
-            Read::Marked | Read::Texels => portable::walk_marked(&columns, moves, &mut scratch.marks, target),
+        match sorted {
+            false => portable::walk_marked(&columns, moves, &mut scratch.marks, target),
+            true => portable::walk_sorted(&columns, moves, &mut scratch.sorted, target),
         }
     }
 }

@@ -44,7 +44,7 @@ fn walk_any(sight: &Sight, first: usize, moves: &[Move], mut target: Target<'_>)
         change: moved.change,
     };
     let peaks: Vec<Peak> = texels.iter().zip(moves).map(peak).collect();
-    let places = Texels::new(sight.size, &texels);
+    let places = Texels::new(sight.size, texels.iter().copied());
     let mut masks = vec![0u64; moves.len()];
     let mut seen = vec![Seen { values: [0.0; GROUP], change: [0.0; 3] }; moves.len()];
     for (bundle, groups) in target.sums.chunks_mut(BUNDLE / GROUP).enumerate() {
