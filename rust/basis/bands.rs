@@ -57,7 +57,8 @@ pub struct Bands {
     /// Band b is columns `starts[b]..starts[b + 1]`; the last entry is the number of columns.
     pub starts: Vec<usize>,
     /// Texels under the support of each column; 1 for functions that cover the whole sphere. The light prior: E[V_j^2] is
-    /// taken to grow with it.
+    /// taken to grow with it. Of a texel column the side of a face: no wavelet of its band is so much of the light that rows
+    /// receive, as what a texel sends them does not cancel. The mean of a face, over side^2 texels, sends side times as much.
     pub areas: Vec<f64>,
     /// So many of the first columns are never dropped: without the scaling functions rows no longer sum to the light
     /// that they receive (the white furnace).
@@ -208,7 +209,7 @@ impl ColumnSpace {
                 let mut bands = ColumnSpace::Haar { size }.bands();
                 let texels = 6 * size * size;
                 bands.starts.push(2 * texels);
-                bands.areas.resize(2 * texels, 1.0);
+                bands.areas.resize(2 * texels, size as f64);
                 Bands { texels, ..bands }
             }
             ColumnSpace::Haar { size } => {

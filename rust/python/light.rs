@@ -206,6 +206,29 @@ fn haar_coefficients<'py>(
     table(py, coefficients)
 }
 
+/// What goes through texels put back into the wavelets: (12 size^2, 3) to (6 size^2, 3) float64.
+#[pyfunction]
+fn haar_without_texels<'py>(
+    py: Python<'py>,
+    size: usize,
+    coefficients: PyReadonlyArray2<'py, f64>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let coefficients = triples("coefficients", &coefficients)?;
+    let merged = compute(py, || {
+        let haar = Haar::shared(size)?;
+        checked(2 * haar.columns(), coefficients.len())?;
+        let (wavelets, texels) = coefficients.split_at(haar.columns());
+        let roots = haar.roots().iter().cycle();
+        let radiance: Vec<_> = texels.iter().zip(roots).map(|(texel, root)| texel.map(|x| (x / root) as f32)).collect();
+        let mut merged = haar.forward(&radiance);
+        for (sum, own) in merged.iter_mut().zip(wavelets) {
+            (0..3).for_each(|c| sum[c] += own[c]);
+        }
+        Ok(merged)
+    })?;
+    table(py, merged)
+}
+
 /// The radiance (6, size, size, 3) float64 that has these coefficients (6 size^2, 3).
 #[pyfunction]
 fn haar_inverse<'py>(
@@ -240,6 +263,7 @@ pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(environment_peaks, module)?)?;
     module.add_function(wrap_pyfunction!(environment_radiance, module)?)?;
     module.add_function(wrap_pyfunction!(haar_coefficients, module)?)?;
+    module.add_function(wrap_pyfunction!(haar_without_texels, module)?)?;
     module.add_function(wrap_pyfunction!(haar_inverse, module)?)?;
     Ok(())
 }

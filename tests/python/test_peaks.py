@@ -156,6 +156,51 @@ def test_followers_of_a_turning_sun_end_exact(still_life):
 # --- what a preset promises ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("name", ["hall", "studio"])
+def test_lamps_that_move_are_followed_by_no_more_peaks_than_a_budget_holds(still_life, name):
+    transport, env = still_life[0], dl.Environment.builtin(name)
+    split, all_peaks = dl.Relighter(transport, dl.PerBand(100)), dl.Relighter(transport, dl.PerBand(100))
+    errors = []
+    for k in range(12):
+        light = env.rotated(0.45 * k)
+        V = transport.coefficients(light)
+        exact = transport.multiply(V)
+        errors.append([relative(frame.values, exact) for frame in (split.step(light), all_peaks.step(V))])
+    assert np.mean(errors[1:], axis=0)[0] < 0.5 * np.mean(errors[1:], axis=0)[1]
+    assert np.mean(errors[1:], axis=0)[0] < 0.015
+
+    frames = 0
+    while not (frame := split.step(light)).converged:
+        frames += 1
+    assert frames > 3
+    assert (frame.values == transport.multiply(split.values)).all()
+    # The same light as all peaks at once, but for the grid that it lies on.
+    assert np.allclose(split.values, V, rtol=0, atol=1e-5 * np.abs(V).max())
+    assert relative(frame.values, exact) < 1e-4
+    # On the move again: few peaks again.
+    assert not split.step(env.rotated(7)).converged
+
+
+def test_a_budget_in_time_follows_a_sun_with_all_it_has(still_life):
+    transport, env = still_life[0], dl.Environment.builtin("sky")
+    relighter = dl.Relighter(transport, dl.PerBand(milliseconds=500))
+    frames = [relighter.step(env.rotated(k)) for k in range(3)]
+    exact = transport.multiply(transport.coefficients(env.rotated(2), 1))
+    assert relative(frames[-1].values, exact) < 1e-6
+
+
+def test_a_light_without_its_texels_is_the_same_light():
+    env = dl.Environment.builtin("studio")
+    merged = TEXELS.without_texels(TEXELS.coefficients(env))
+    plain = dl.Haar(64).coefficients(env)
+    assert merged.shape == plain.shape
+    # A peak is spread over four texel centres, which a filtered map does otherwise: its flux is the same.
+    assert np.allclose(merged[:6].sum(axis=0), plain[:6].sum(axis=0), rtol=0.01)
+    assert dl.Haar(64).without_texels(plain) is plain
+    with pytest.raises(ValueError, match="colours"):
+        TEXELS.without_texels(plain)
+
+
 def test_the_number_is_measured(still_life):
     transport, lossless = still_life
     assert set(transport.errors) == {"sky", "studio", "hall", "sun"}

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from .._core import column_bands
+from .._core import column_bands, haar_without_texels
 from ..checks import count, read_only
 
 if TYPE_CHECKING:
@@ -80,7 +80,10 @@ class Haar:
 
     @property
     def areas(self) -> NDArray[np.float64]:
-        """Texels under the support of every column: (columns,) float64, read-only."""
+        """Texels under the support of every column: (columns,) float64, read-only.
+
+        Of a texel column it is the size: a face's mean, over size^2 texels, sends receivers size times as much.
+        """
         return _bands_and_areas(str(self))[1]
 
     @cached_property
@@ -122,6 +125,26 @@ class Haar:
                 raise ValueError(f"expected columns with texels to send peaks through, got {self}")
             return env._haar(self.size)
         return env._haar(self.size, PEAKS if peaks is None else count("peaks", peaks))
+
+    def without_texels(self, V: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The same light in wavelets alone, however it was split.
+
+        Parameters
+        ----------
+        V
+            (columns, 3) float64.
+
+        Returns
+        -------
+        (wavelets, 3) float64
+            V itself where there are no texels.
+
+        Raises
+        ------
+        ValueError
+            If the shape is not that of these columns.
+        """
+        return haar_without_texels(self.size, V) if self.texels else V
 
 
 @cache

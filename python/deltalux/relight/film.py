@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .._core import threads
 from ..io import auto_exposure, save_image, to_display
 from ..light.environment import Environment
 from ..output import Table, check_folder, claim
@@ -27,7 +28,7 @@ __all__ = ["FORMATS", "Film", "Relit", "check_frames", "relight_frames"]
 FORMATS = {"png": (".png",), "exr": (".exr",), "both": (".png", ".exr")}
 _TABLE = "frames.csv"
 _AHEAD = 2
-"""Pictures that wait to be written."""
+"""Pictures that wait to be written, for each thread that writes."""
 
 
 @dataclass(frozen=True)
@@ -147,11 +148,12 @@ def _saved(table: Table, row: dict[str, Any], tell: Progress, done: int, total: 
 
 
 class _Encoder:
-    """Writes pictures on a thread of its own, while the next frames are multiplied; a few may wait."""
+    """Writes pictures on threads of its own, while the next frames are multiplied; a few may wait."""
 
     def __init__(self, exposure: float, half: bool) -> None:
         self._exposure, self._half = exposure, half
-        self._thread = ThreadPoolExecutor(1, "deltalux-encoder")
+        # As many as multiply: compressing a picture costs more than a frame of few terms.
+        self._writers = ThreadPoolExecutor(threads(), "deltalux-encoder")
         self._waiting: deque[tuple[Future[None], Callable[[], None]]] = deque()
 
     def __enter__(self) -> _Encoder:
@@ -161,8 +163,8 @@ class _Encoder:
         self, files: list[Path], picture: NDArray[np.float32], about: dict[str, Any], saved: Callable[[], None]
     ) -> None:
         """Takes a picture; `saved` is called on this thread once all its files are there."""
-        self._waiting.append((self._thread.submit(self._write, files, picture, about), saved))
-        while len(self._waiting) > _AHEAD or (self._waiting and self._waiting[0][0].done()):
+        self._waiting.append((self._writers.submit(self._write, files, picture, about), saved))
+        while len(self._waiting) > _AHEAD * threads() or (self._waiting and self._waiting[0][0].done()):
             self._finish()
 
     def _finish(self) -> None:
@@ -181,4 +183,4 @@ class _Encoder:
             while self._waiting:
                 self._finish()
         finally:
-            self._thread.shutdown(cancel_futures=True)
+            self._writers.shutdown(cancel_futures=True)

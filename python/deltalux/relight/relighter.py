@@ -16,6 +16,7 @@ from ..transport.transport import Transport
 from ..update.choice import State
 from ..update.methods import Incremental, Method
 from ..update.settings import asked, settings, weights_of
+from .peak_split import PeakSplit
 
 __all__ = ["Frame", "Relighter"]
 
@@ -55,7 +56,7 @@ class Frame:
         No receiver's red, green or blue in `values` is further than this from the untruncated product with the light
         asked for: what is not yet applied, what truncation took, and rounding (Cauchy-Schwarz in every band).
     converged
-        Whether the light has been applied in full.
+        Whether the light has been applied in full, with all of its suns and lamps in texel columns where there are any.
     """
 
     values: NDArray[np.float32]
@@ -78,6 +79,9 @@ class Frame:
 
 class Relighter:
     """Follows a moving light over one transport.
+
+    Where M has texel columns, a frame under an `Environment` sends as many of its suns and lamps through them as its
+    budget follows (an eighth of its terms), and all of them once the light stands still; V itself is taken as it is.
 
     Parameters
     ----------
@@ -134,6 +138,7 @@ class Relighter:
             band_norms=core.error_factors(weights) if method.error is not None else None,
             timed=timed,
         )
+        self._split, self._whole = PeakSplit(transport.columns, method), True
         self._core = Updater(core, chosen, _second(transport, second), mix=weights, initial=initial)
         self._weights = weights_of(method, areas, norms, costs) if method.is_own else None
         # What a method of one's own is shown, and the frame that follows its choice, are one step for all threads.
@@ -160,15 +165,16 @@ class Relighter:
         started = time.perf_counter()
         env = light if isinstance(light, Environment) else None
         if env is not None:
-            V = self.transport.coefficients(env)
+            V, whole = self._split.coefficients(env)
         else:
+            whole = True
             V = np.ascontiguousarray(light, np.float64)
         if V.shape != (self.transport.shape[1], 3):
             raise ValueError(f"expected a light of shape ({self.transport.shape[1]}, 3), got {V.shape}")
         if self._weights is None:
-            return self._step(V, started, None, env)
+            return self._step(V, started, None, env, whole)
         with self._asking:
-            return self._step(V, started, self._ask(V, self._weights), env)
+            return self._step(V, started, self._ask(V, self._weights), env, whole)
 
     def _step(
         self,
@@ -176,10 +182,16 @@ class Relighter:
         started: float,
         given: tuple[list[int], NDArray[np.uint32]] | None,
         env: Environment | None,
+        whole: bool,
     ) -> Frame:
         projected = time.perf_counter() - started
         left = None if self._seconds is None else self._seconds - projected
-        return self._frame(self._core.step(V, left, given), started, projected, env)
+        stepped = self._core.step(V, left, given)
+        self._whole = whole
+        frame = self._frame(stepped, started, projected, env, whole)
+        if env is not None:
+            self._split.note(len(frame.columns), stepped[4])
+        return frame
 
     def _ask(self, V: NDArray[np.float64], weights: NDArray[np.float64]) -> tuple[list[int], NDArray[np.uint32]] | None:
         """What a method of one's own says of a frame; None where it is settled what the first frame takes."""
@@ -189,7 +201,9 @@ class Relighter:
         columns = self.transport.columns
         return asked(self.method, State(V, values, columns.bands, columns.areas, weights))
 
-    def _frame(self, stepped: _Stepped, started: float, projected: float, env: Environment | None) -> Frame:
+    def _frame(
+        self, stepped: _Stepped, started: float, projected: float, env: Environment | None, whole: bool
+    ) -> Frame:
         values, (columns, _, resets), number, bound, converged, choosing, multiplying = stepped
         return Frame(
             values=values,
@@ -199,7 +213,7 @@ class Relighter:
             choosing=projected + choosing,
             multiplying=multiplying,
             bound=max(bound),
-            converged=converged,
+            converged=converged and whole,
             _transport=self.transport,
             _env=env,
             _number=number,
@@ -227,7 +241,7 @@ class Relighter:
             If the shape is wrong, a weight is not finite, or there was no frame yet.
         """
         started = time.perf_counter()
-        return self._frame(self._core.remix(self.transport.mixed(weights)), started, 0.0, None)
+        return self._frame(self._core.remix(self.transport.mixed(weights)), started, 0.0, None, self._whole)
 
     def bounds(self, frame: Frame) -> NDArray[np.float32]:
         """The bound of every receiver by itself; `Frame.bound` is the largest of them.

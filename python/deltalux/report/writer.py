@@ -173,7 +173,8 @@ def _chapter(page: Page, chapter: Chapter, summary: list[dict[str, Any]], motion
         "follower holds beyond it. After the light has stood still until "
         f"{still.method} had all of it, the first frame of a new movement took {1e3 * still.restart_seconds:.2f} ms at "
         f"the highest speed (resets: {_bands(still.restart_resets)}) and {1e3 * still.jump_seconds:.2f} ms for a jump "
-        f"by 90 degrees (resets: {_bands(still.jump_resets)}), with {still.threads} threads."
+        f"by 90 degrees (resets: {_bands(still.jump_resets)}), with {still.threads} threads. A frame that sends "
+        f"nothing took {1e3 * still.fixed_seconds:.2f} ms: no budget in milliseconds below it can be kept."
     )
     page.heading("Relit frames", 3)
     page.text(f"Each as PNG (exposure {exposure:+.2f} stops, sRGB, nothing else) and as EXR in linear radiance.")
