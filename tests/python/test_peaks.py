@@ -96,7 +96,7 @@ def test_names_and_bands():
     assert str(TEXELS) == "haar:64+texels" and TEXELS.columns == 49152 and TEXELS.face == 64
     assert TEXELS.band_names == (*dl.Haar(64).band_names, "texels")
     assert (TEXELS.bands[:24576] == dl.Haar(64).bands).all() and (TEXELS.bands[24576:] == 6).all()
-    assert (TEXELS.areas[24576:] == 1).all()
+    assert (TEXELS.areas[24576:] == 64).all()
     for bad in ("haar:+texels", "haar:6+texels", "haar:64+texel", "sh:6+texels", "haar:64+texels+texels"):
         with pytest.raises(ValueError):
             dl.precompute(small("cornell", 8), "never.transport", columns=bad)
