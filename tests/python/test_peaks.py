@@ -186,7 +186,7 @@ def test_a_budget_in_time_follows_a_sun_with_all_it_has(still_life):
     relighter = dl.Relighter(transport, dl.PerBand(milliseconds=500))
     frames = [relighter.step(env.rotated(k)) for k in range(3)]
     exact = transport.multiply(transport.coefficients(env.rotated(2), 1))
-    assert relative(frames[-1].values, exact) < 1e-6
+    assert relative(frames[-1].values, exact) < 1e-4
 
 
 def test_a_light_without_its_texels_is_the_same_light():
