@@ -18,7 +18,7 @@
 //! | [`update`] | B = M V, frame after frame: choosing, multiplying, and a bound | transport, basis |
 //! | [`relight`] | responses to pictures | nothing |
 //!
-//! [`error`] may be used by all. `python` (behind its feature) uses everything and is used by nothing.
+//! [`error`] and [`sampling`] (numbers and directions spread evenly) may be used by all. `python` (behind its feature) uses everything and is used by nothing.
 
 #![warn(missing_docs)]
 
@@ -27,6 +27,7 @@ pub mod error;
 pub mod light;
 pub mod precompute;
 pub mod relight;
+pub mod sampling;
 pub mod scene;
 pub mod transport;
 pub mod update;

@@ -28,6 +28,10 @@ __all__ = [
     "Transport",
     "TransportWriter",
     "Updater",
+    "Bounces",
+    "Links",
+    "NodeRows",
+    "Nodes",
     "__version__",
     "column_bands",
     "entry_bytes",
@@ -281,6 +285,100 @@ class Link:
     def tree(areas: NDArray[np.float64]) -> Link: ...
     @staticmethod
     def representatives() -> Link: ...
+
+@final
+class Nodes:
+    CELL: Final[int]
+    @staticmethod
+    def place(
+        scene: Scene,
+        *,
+        position: tuple[float, float, float],
+        right: tuple[float, float, float],
+        up: tuple[float, float, float],
+        forward: tuple[float, float, float],
+        half_height: float,
+        width: int,
+        height: int,
+        share: float,
+        cap: int,
+    ) -> Nodes: ...
+    def __len__(self) -> int: ...
+    @property
+    def rays(self) -> int: ...
+    @property
+    def triangle(self) -> NDArray[np.uint32]: ...
+    @property
+    def barycentric(self) -> NDArray[np.float32]: ...
+    @property
+    def position(self) -> NDArray[np.float32]: ...
+    @property
+    def normal(self) -> NDArray[np.float32]: ...
+
+@final
+class Bounces:
+    def __new__(
+        cls, scene: Scene, nodes: Nodes, albedo: NDArray[np.float32], *, side: int, progress: _Progress = None
+    ) -> Bounces: ...
+    @property
+    def channels(self) -> int: ...
+    @property
+    def rays(self) -> tuple[int, int]: ...
+    @property
+    def pairs(self) -> int: ...
+    @property
+    def albedo(self) -> NDArray[np.float32]: ...
+    def form_factors(self) -> tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.float64]]: ...
+    def links(
+        self, scene: Scene, receivers: Receivers, *, side: int, audit: float, progress: _Progress = None
+    ) -> Links: ...
+    def rows(
+        self,
+        scene: Scene,
+        links: Links,
+        *,
+        columns: str,
+        edge_side: int,
+        bounces: int | None,
+        residual: float,
+        threshold: float,
+        quantum: int,
+        width: str,
+        progress: _Progress = None,
+    ) -> NodeRows: ...
+
+@final
+class Links:
+    @property
+    def link(self) -> Link: ...
+    @property
+    def radiant(self) -> int: ...
+    @property
+    def gathering(self) -> tuple[int, int, int]: ...
+    @property
+    def nbytes(self) -> int: ...
+    @property
+    def rays(self) -> int: ...
+    def arrays(self) -> tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.uint16], int]: ...
+
+@final
+class NodeRows:
+    @property
+    def tiles(self) -> list[TileData]: ...
+    @property
+    def rows(self) -> int: ...
+    @property
+    def quantum(self) -> int: ...
+    @property
+    def rays(self) -> int: ...
+    @property
+    def shares(self) -> list[float]: ...
+    @property
+    def products(self) -> tuple[int, int, int]: ...
+    @property
+    def residual(self) -> float: ...
+    @property
+    def krylov(self) -> bool: ...
 
 @final
 class Transport:

@@ -103,6 +103,27 @@ impl Haar {
         coefficients
     }
 
+    /// Coefficients of wavelets and, behind them, of texels: the same light in wavelets alone. A function of its values: the
+    /// same bits on every machine.
+    pub fn without_texels(&self, coefficients: &[[f64; 3]]) -> Vec<[f64; 3]> {
+        let (wavelets, texels) = coefficients.split_at(self.columns());
+        let mut all = wavelets.to_vec();
+        let mut own = Vec::new();
+        for (face, texels) in texels.chunks_exact(self.size * self.size).enumerate() {
+            if texels.iter().all(|texel| *texel == [0.0; 3]) {
+                continue;
+            }
+            own.resize(self.columns(), [0.0; 3]);
+            self.forward_face(face, &mut texels.to_vec(), &mut own);
+            let [mut sums] = self.face_columns(&mut all, [face]);
+            let [parts] = self.face_columns(&mut own, [face]);
+            for (sum, part) in sums.iter_mut().zip(&parts).flat_map(|(sums, parts)| sums.iter_mut().zip(parts.iter())) {
+                (0..3).for_each(|c| sum[c] += part[c]);
+            }
+        }
+        all
+    }
+
     /// The radiance that has these coefficients: the inverse of `forward`.
     pub fn inverse(&self, coefficients: &[[f64; 3]]) -> Vec<[f64; 3]> {
         (0..6).flat_map(|face| self.inverse_face(face, coefficients)).collect()

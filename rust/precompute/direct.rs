@@ -13,7 +13,7 @@ use std::sync::Arc;
 
 use crate::basis::ColumnSpace;
 use crate::error::Result;
-use crate::scene::Receivers;
+use crate::scene::Points;
 use crate::scene::rays::Tracer;
 use crate::transport::entry::Channels;
 use crate::transport::sight::Seen;
@@ -39,17 +39,17 @@ pub struct Room {
 
 impl DirectPass {
     /// Refuses edge sampling that no texel needs.
-    pub fn new(tracer: Arc<Tracer>, receivers: Arc<Receivers>, space: ColumnSpace, edge_side: usize) -> Result<Self> {
+    pub fn new(tracer: Arc<Tracer>, points: Arc<Points>, space: ColumnSpace, edge_side: usize) -> Result<Self> {
         let projection = Projection::new(space)?;
-        let rows = receivers.len();
-        let visibility = Visibility::new(tracer, receivers, projection.size(), edge_side)?;
+        let rows = points.len();
+        let visibility = Visibility::new(tracer, points, projection.size(), edge_side)?;
         let shape = Shape { rows, texels: space.texels(), bands: space.bands(), channels: Channels::One, factors: 1 };
         Ok(DirectPass { visibility, projection, shape })
     }
 
     /// The transport rows of 16 receivers of a bundle, as coefficients in `room.coefficients`.
     fn transform(&self, rows: Range<usize>, group: usize, view: &View, room: &mut Room) {
-        let normals = Normals::new(&self.visibility.receivers.normal[rows]);
+        let normals = Normals::new(&self.visibility.points.normal[rows]);
         let lanes = group * GROUP;
         let per_face = self.visibility.texels.len() / 6;
         let mut edges = view.edges.iter().peekable();
@@ -99,10 +99,8 @@ impl Pass for DirectPass {
             self.transform(rows.clone(), group, &view, room);
             take(0, &[&room.coefficients])?;
         }
-        let seen = self
-            .shape
-            .texels
-            .map(|_| Seen { normals: self.visibility.receivers.normal[rows].to_vec(), open: view.open });
+        let normals = || self.visibility.points.normal[rows].to_vec();
+        let seen = self.shape.texels.map(|_| Seen { normals: normals(), open: view.open });
         Ok(Made { rays: view.rays, seen })
     }
 }

@@ -1,11 +1,18 @@
 //! Making M: the only room that meets both rays and transport. A pass is a function of (scene, settings, rows), so that
 //! any split over threads, machines or interrupted runs gives the same M.
 
+pub mod bounces;
 pub mod direct;
+pub mod links;
+pub mod node_pass;
 pub mod pass;
 mod projection;
+pub mod radiosity;
 mod texels;
 mod visibility;
 
+pub use bounces::{Bounces, Interreflection, Share};
 pub use direct::DirectPass;
+pub use links::{FormFactors, Gathering, Links, form_factors, links};
+pub use node_pass::NodePass;
 pub use pass::{Made, Pass, Probed, Rays, Shape, Surveyed, probe, survey, tile};

@@ -1,6 +1,7 @@
 //! The directions of a cubemap that a pass shoots: texel centres, neighbours, and samples inside a texel.
 
 use crate::basis::cubemap::{curve_point, direction_to_face_uv, face_point, texel_centre, texel_of};
+use crate::sampling::jitter;
 use crate::scene::rays::{Fan, Octant};
 
 /// Every texel of the six faces, row-major, face after face.
@@ -114,13 +115,4 @@ fn blocks(size: usize) -> Vec<Vec<u32>> {
         (0..side * side).map(texel).collect()
     };
     (0..6 * per_face * per_face).map(block).collect()
-}
-
-/// Two numbers in [0, 1) that depend on nothing but the index (SplitMix64).
-fn jitter(index: u64) -> [f64; 2] {
-    let mut z = index.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^= z >> 31;
-    [(z >> 32) as f64, (z & 0xffff_ffff) as f64].map(|half| half / 4_294_967_296.0)
 }

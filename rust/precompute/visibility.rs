@@ -6,7 +6,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use crate::error::{Error, Result};
-use crate::scene::Receivers;
+use crate::scene::Points;
 use crate::scene::rays::{Apex, FAN, Fan, Tracer, Walk};
 
 use super::pass::{BUNDLE_ROWS, Rays};
@@ -97,7 +97,7 @@ pub(super) struct Looking {
 /// Looks at the sky from the receivers of a scene.
 pub(super) struct Visibility {
     tracer: Arc<Tracer>,
-    pub receivers: Arc<Receivers>,
+    pub points: Arc<Points>,
     pub texels: Texels,
     /// Edge texels are sampled `edge_side` x `edge_side` times; 0 takes the centre for the whole texel.
     edge_side: usize,
@@ -105,19 +105,19 @@ pub(super) struct Visibility {
 
 impl Visibility {
     /// Refuses edge sampling that no texel needs. `size`: texels along a face.
-    pub fn new(tracer: Arc<Tracer>, receivers: Arc<Receivers>, size: usize, edge_side: usize) -> Result<Self> {
+    pub fn new(tracer: Arc<Tracer>, points: Arc<Points>, size: usize, edge_side: usize) -> Result<Self> {
         if edge_side > MAX_EDGE_SIDE {
             return Err(Error::input(format!(
                 "expected at most {MAX_EDGE_SIDE} x {MAX_EDGE_SIDE} rays for an edge texel, got {edge_side}"
             )));
         }
-        Ok(Visibility { tracer, receivers, texels: Texels::new(size), edge_side })
+        Ok(Visibility { tracer, points, texels: Texels::new(size), edge_side })
     }
 
     /// Shoots the rays of one bundle.
     pub(super) fn view(&self, rows: Range<usize>, room: &mut Looking) -> View {
-        let normals = Normals::new(&self.receivers.normal[rows.clone()]);
-        let apex = |row: usize| Apex { origin: self.receivers.origin[row], normal: self.receivers.normal[row] };
+        let normals = Normals::new(&self.points.normal[rows.clone()]);
+        let apex = |row: usize| Apex { origin: self.points.origin[row], normal: self.points.normal[row] };
         let apexes: Vec<Apex> = rows.map(apex).collect();
         let count = self.texels.len();
         let mut view = View { open: vec![0; count], edges: Vec::new(), rays: Rays::default() };

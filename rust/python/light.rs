@@ -217,14 +217,7 @@ fn haar_without_texels<'py>(
     let merged = compute(py, || {
         let haar = Haar::shared(size)?;
         checked(2 * haar.columns(), coefficients.len())?;
-        let (wavelets, texels) = coefficients.split_at(haar.columns());
-        let roots = haar.roots().iter().cycle();
-        let radiance: Vec<_> = texels.iter().zip(roots).map(|(texel, root)| texel.map(|x| (x / root) as f32)).collect();
-        let mut merged = haar.forward(&radiance);
-        for (sum, own) in merged.iter_mut().zip(wavelets) {
-            (0..3).for_each(|c| sum[c] += own[c]);
-        }
-        Ok(merged)
+        Ok(haar.without_texels(coefficients))
     })?;
     table(py, merged)
 }

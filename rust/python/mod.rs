@@ -1,6 +1,7 @@
 //! The boundary to Python: convert, check, detach, compute, convert back; nothing else. One file a room or class.
 
 mod arrays;
+mod bounces;
 mod harmonics;
 mod interrupt;
 mod light;
@@ -55,6 +56,7 @@ fn core_module(module: &Bound<'_, PyModule>) -> PyResult<()> {
     harmonics::register(module)?;
     relight::register(module)?;
     scene::register(module)?;
+    bounces::register(module)?;
     tracer::register(module)?;
     Ok(())
 }

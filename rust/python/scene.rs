@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use crate::error::Result;
 use crate::precompute::{DirectPass as Direct, Pass, probe, survey, tile};
 use crate::scene::rays::Tracer;
-use crate::scene::{Camera, Mesh, PixelSampling, Receivers as Rows};
+use crate::scene::{Camera, Mesh, PixelSampling, Points, Receivers as Rows, Surfaces};
 use crate::transport::{Measure, ReceiverKind, ReceiverTable as Table, Truncation};
 
 use super::arrays::{rows_of, to_vec, to_vec_of_rows, vectors};
@@ -26,6 +26,28 @@ pub(crate) struct Scene {
     tracer: Arc<Tracer>,
     /// Of each of the user's triangles.
     material: Vec<u32>,
+}
+
+impl Scene {
+    /// Its surfaces.
+    pub(super) fn surfaces(&self) -> Surfaces<'_> {
+        Surfaces { mesh: &self.mesh, tracer: &self.tracer }
+    }
+
+    /// The trees over them.
+    pub(super) fn tracer(&self) -> Arc<Tracer> {
+        Arc::clone(&self.tracer)
+    }
+
+    /// The user's number of a triangle.
+    pub(super) fn source(&self, triangle: u32) -> u32 {
+        self.mesh.source[triangle as usize]
+    }
+
+    /// A point of the normalised scene in the user's space.
+    pub(super) fn world(&self, place: [f64; 3]) -> [f32; 3] {
+        std::array::from_fn(|k| (place[k] / self.mesh.scale + self.mesh.centre[k]) as f32)
+    }
 }
 
 #[pymethods]
@@ -83,13 +105,10 @@ impl Scene {
         let sampling = if edges { PixelSampling::Edges } else { PixelSampling::Centre };
         let rows = interruptible(py, None, |watch| {
             camera.check()?;
-            Rows::of_pixels(&self.mesh, &self.tracer, &self.material, &camera, sampling, &|| watch.advance(1))
+            Rows::of_pixels(self.surfaces(), &self.material, &camera, sampling, &|| watch.advance(1))
         })?;
-        let source = rows.triangle.iter().map(|&triangle| self.mesh.source[triangle as usize]).collect();
-        let scale = 1.0 / self.mesh.scale;
-        let centre = self.mesh.centre;
-        let position =
-            rows.origin.iter().map(|p| std::array::from_fn(|k| (f64::from(p[k]) * scale + centre[k]) as f32));
+        let source = rows.triangle.iter().map(|&triangle| self.source(triangle)).collect();
+        let position = rows.points.origin.iter().map(|origin| self.world(origin.map(f64::from)));
         Ok(Receivers { position: position.collect(), source, rows: Arc::new(rows) })
     }
 }
@@ -103,6 +122,13 @@ pub(crate) struct Receivers {
     source: Vec<u32>,
     /// In the user's space.
     position: Vec<[f32; 3]>,
+}
+
+impl Receivers {
+    /// Where the rows' rays start.
+    pub(super) fn points(&self) -> Arc<Points> {
+        Arc::clone(&self.rows.points)
+    }
 }
 
 #[pymethods]
@@ -151,7 +177,7 @@ impl Receivers {
     /// Unit geometric normals towards the camera, (rows, 3) float32.
     #[getter]
     fn normal(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f32>>> {
-        rows_of(py, &self.rows.normal)
+        rows_of(py, &self.rows.points.normal)
     }
 
     /// Share of each pixel in which nothing is seen, (height * width,).
@@ -172,7 +198,7 @@ impl Receivers {
         Ok(ReceiverTable::checked(Table {
             albedo: to_vec_of_rows("albedo", &albedo, rows.len())?.into(),
             position: self.position.as_flattened().to_vec().into(),
-            normal: rows.normal.as_flattened().to_vec().into(),
+            normal: rows.points.normal.as_flattened().to_vec().into(),
             material: Some(to_vec(&material).into()),
             kind: ReceiverKind::Pixels {
                 image: [image.0, image.1],
@@ -221,9 +247,9 @@ impl DirectPass {
         columns: &str,
         edge_side: usize,
     ) -> PyResult<Self> {
-        let (tracer, rows) = (scene.get().tracer.clone(), receivers.get().rows.clone());
+        let (tracer, points) = (scene.get().tracer.clone(), receivers.get().rows.points.clone());
         let space = columns.parse()?;
-        compute(py, || Ok(DirectPass(Direct::new(tracer, rows, space, edge_side)?)))
+        compute(py, || Ok(DirectPass(Direct::new(tracer, points, space, edge_side)?)))
     }
 
     /// Looks at some bundles of 64 rows, and chooses the threshold for a relative image error.

@@ -195,10 +195,11 @@ impl Transport {
         (self.product().rows(), self.product().first.space().columns())
     }
 
-    /// How many numbers an entry of the receivers' matrix holds for a row: 1 or 3.
+    /// How many numbers an entry holds for a row, in the matrix where they are more: 1 or 3.
     #[getter]
     fn channels(&self) -> usize {
-        self.matrix().channels.count()
+        let stages = self.product().first.iter().chain(self.product().then.iter().flat_map(Factors::iter));
+        stages.map(|matrix| matrix.channels.count()).max().unwrap_or(1)
     }
 
     /// How many responses a mix adds for each receiver.

@@ -5,11 +5,13 @@
 //! of the pixel that it covers. Edges are then smooth at the cost of a few rows, not of 16 times the rays, and albedos stay
 //! outside M: a receiver lies on one material.
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use super::camera::Camera;
-use super::mesh::Mesh;
-use super::rays::tracer::{LIFT, Tracer};
+use super::rays::tracer::LIFT;
+use super::surface::{Point, Points, Surfaces, dot};
 use crate::error::Result;
 
 /// Surfaces kept in one pixel; what is smaller joins the largest.
@@ -42,10 +44,8 @@ pub struct Receivers {
     pub triangle: Vec<u32>,
     /// Weights of the triangle's corners 1 and 2 at the point; corner 0 has the rest.
     pub barycentric: Vec<[f32; 2]>,
-    /// Ray origin: the point in the normalised scene, lifted off its surface.
-    pub origin: Vec<[f32; 3]>,
-    /// Unit geometric normal, towards the camera.
-    pub normal: Vec<[f32; 3]>,
+    /// Where the rows' rays start, and their normals, towards the camera.
+    pub points: Arc<Points>,
     /// Share of each pixel in which nothing is seen.
     pub background: Vec<f32>,
     /// Primary rays shot.
@@ -55,32 +55,22 @@ pub struct Receivers {
 /// A point that a primary ray has found.
 #[derive(Clone, Copy)]
 struct Seen {
-    triangle: u32,
-    barycentric: [f32; 2],
-    point: [f64; 3],
-    normal: [f64; 3],
-    /// Where rays of this receiver start.
-    origin: [f64; 3],
+    at: Point,
     material: u32,
-}
-
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 impl Seen {
     fn same_surface(&self, other: &Seen) -> bool {
-        let apart: [f64; 3] = std::array::from_fn(|k| other.point[k] - self.point[k]);
+        let apart: [f64; 3] = std::array::from_fn(|k| other.at.place[k] - self.at.place[k]);
         self.material == other.material
-            && dot(self.normal, other.normal) > SAME_NORMAL
-            && dot(self.normal, apart).abs() <= SAME_PLANE * dot(apart, apart).sqrt() + LIFT
+            && dot(self.at.normal, other.at.normal) > SAME_NORMAL
+            && dot(self.at.normal, apart).abs() <= SAME_PLANE * dot(apart, apart).sqrt() + LIFT
     }
 }
 
 /// The primary rays of a camera into a scene.
 struct Primary<'a> {
-    mesh: &'a Mesh,
-    tracer: &'a Tracer,
+    surfaces: Surfaces<'a>,
     material: &'a [u32],
     camera: &'a Camera,
     eye: [f32; 3],
@@ -88,20 +78,8 @@ struct Primary<'a> {
 
 impl Primary<'_> {
     fn look(&self, x: f64, y: f64) -> Option<Seen> {
-        let direction = self.camera.direction(x, y);
-        let hit = self.tracer.closest_hit(self.eye, direction.map(|d| d as f32))?;
-        let [b1, b2] = hit.barycentric.map(f64::from);
-        let corners = self.mesh.corners[hit.triangle].map(|corner| corner.map(f64::from));
-        let point = std::array::from_fn(|k| {
-            corners[0][k] + b1 * (corners[1][k] - corners[0][k]) + b2 * (corners[2][k] - corners[0][k])
-        });
-        let normal = self.mesh.normal(hit.triangle);
-        let normal = if dot(normal, direction) > 0.0 { normal.map(|n| -n) } else { normal };
-        let material = self.material[self.mesh.source[hit.triangle] as usize];
-        // Off the surface along its normal; and back towards the eye, where the primary ray has found the way free: a
-        // point in the seam of two walls would otherwise stay in the plane of the other one.
-        let origin = std::array::from_fn(|k| point[k] + LIFT * (normal[k] - 2.0 * direction[k]));
-        Some(Seen { triangle: hit.triangle as u32, barycentric: hit.barycentric, point, normal, origin, material })
+        let at = self.surfaces.meet(self.eye, self.camera.direction(x, y))?;
+        Some(Seen { at, material: self.material[self.surfaces.mesh.source[at.triangle as usize] as usize] })
     }
 }
 
@@ -175,7 +153,7 @@ fn interleave(column: usize, row: usize) -> u64 {
 }
 
 /// The place of a point of the normalised scene along a Morton curve, 21 bits an axis.
-fn along_curve(point: [f64; 3]) -> u64 {
+pub(super) fn along_curve(point: [f64; 3]) -> u64 {
     let cells = point.map(|x| (((x + 1.0) * 0.5).clamp(0.0, 1.0) * 2_097_151.0) as u64);
     (0..21).fold(0, |code, bit| (0..3).fold(code, |code, axis| code | (cells[axis] >> bit & 1) << (3 * bit + axis)))
 }
@@ -184,15 +162,14 @@ impl Receivers {
     /// Finds the receivers of every pixel of a camera. `material` has one entry for each of the user's triangles. `row_done`
     /// hears of every row of pixels, and may stop the search.
     pub fn of_pixels(
-        mesh: &Mesh,
-        tracer: &Tracer,
+        surfaces: Surfaces,
         material: &[u32],
         camera: &Camera,
         sampling: PixelSampling,
         row_done: &(dyn Fn() -> Result<()> + Sync),
     ) -> Result<Receivers> {
         let (width, height) = (camera.width, camera.height);
-        let primary = Primary { mesh, tracer, material, camera, eye: mesh.normalised(camera.position) };
+        let primary = Primary { surfaces, material, camera, eye: surfaces.mesh.normalised(camera.position) };
         let pixels: Vec<Vec<Pixel>> = (0..height)
             .into_par_iter()
             .map(|row| {
@@ -237,20 +214,21 @@ impl Receivers {
                 receivers.rays += pixel.rays;
                 let block = interleave(column / BLOCK, row / BLOCK);
                 for &(seen, weight) in &pixel.surfaces {
-                    let key = (block, along_curve(seen.point), interleave(column, row));
+                    let key = (block, along_curve(seen.at.place), interleave(column, row));
                     rows.push((key, (row * width + column) as u32, seen, weight));
                 }
             }
         }
         rows.sort_by_key(|&(key, ..)| key);
+        let mut points = Points::default();
         for (_, pixel, seen, weight) in rows {
             receivers.pixel.push(pixel);
             receivers.weight.push(weight);
-            receivers.triangle.push(seen.triangle);
-            receivers.barycentric.push(seen.barycentric);
-            receivers.origin.push(seen.origin.map(|x| x as f32));
-            receivers.normal.push(seen.normal.map(|n| n as f32));
+            receivers.triangle.push(seen.at.triangle);
+            receivers.barycentric.push(seen.at.barycentric);
+            points.push(&seen.at);
         }
+        receivers.points = Arc::new(points);
         receivers
     }
 

@@ -17,6 +17,9 @@ use super::matrix::TransportMatrix;
 use super::weights::Weights;
 
 /// Matrices over the same columns: one V, chosen once, is sent through all of them.
+///
+/// Where the first has texels besides its wavelets, others may have the wavelets alone (nodes, whose rows are no bits): they
+/// take the same light, put together in wavelets.
 #[derive(Clone)]
 pub struct Factors(Vec<Arc<TransportMatrix>>);
 
@@ -26,7 +29,8 @@ impl Factors {
         let Some(first) = matrices.first() else {
             return Err(Error::input("expected at least one matrix, got none"));
         };
-        match matrices.iter().find(|matrix| matrix.space != first.space) {
+        let alike = |matrix: &TransportMatrix| matrix.space == first.space || takes(first.space, matrix.space);
+        match matrices.iter().find(|matrix| !alike(matrix)) {
             Some(other) => Err(Error::input(format!(
                 "expected factors over the same columns, {}, got {}",
                 first.space, other.space
@@ -65,6 +69,14 @@ impl Factors {
         self.0[0].space
     }
 
+    /// The size of the wavelets that some take alone, where others have texels besides.
+    pub fn merged(&self) -> Option<usize> {
+        match self.space() {
+            ColumnSpace::HaarTexels { size } if self.iter().any(|matrix| matrix.space != self.space()) => Some(size),
+            _ => None,
+        }
+    }
+
     /// Whether all have the same rows in the same tiles, so that they can be mixed row by row.
     fn are_alike(&self) -> bool {
         let shape = |matrix: &TransportMatrix| (matrix.rows, matrix.tile_rows);
@@ -74,6 +86,11 @@ impl Factors {
     fn nbytes(&self) -> usize {
         self.0.iter().map(|matrix| matrix.nbytes()).sum()
     }
+}
+
+/// Whether light in the columns `first` can be put together in the columns `other`.
+fn takes(first: ColumnSpace, other: ColumnSpace) -> bool {
+    matches!((first, other), (ColumnSpace::HaarTexels { size }, ColumnSpace::Haar { size: own }) if size == own)
 }
 
 /// What the rows of the first stage are to what follows.

@@ -7,6 +7,7 @@
 use rayon::prelude::*;
 
 use crate::basis::HaarTree;
+use crate::basis::haar::Haar;
 use crate::error::{Error, Result};
 use crate::transport::{Factors, Link, Product, TransportMatrix};
 
@@ -14,6 +15,7 @@ use super::change::whole;
 use super::multiplying::bound::{BandNorms, Bound};
 use super::multiplying::finish::{Mix, Node, add_nodes, at, write};
 use super::multiplying::grid::{Grid, Span, above, light_norm};
+use super::multiplying::merged::merged;
 use super::multiplying::product::multiply;
 use super::multiplying::response::Response;
 
@@ -63,7 +65,7 @@ impl Chain {
             return Err(Error::input(format!("expected {columns} coefficients a light, got {}", light.len())));
         }
         let v = Grid::for_light(light_norm(light), self.span, 1)?.quantise_all(light);
-        let first = respond(&self.product.first, &v)?;
+        let first = respond(&self.product.first, &v, self.span)?;
         match &self.product.then {
             None => self.finish(&first.iter().collect::<Vec<_>>(), mix, out),
             Some(then) => {
@@ -76,7 +78,7 @@ impl Chain {
                         });
                         pairs.collect::<Result<Vec<_>>>()?
                     }
-                    _ => respond(then, &grid.quantise_all(&self.second_light(&first[0], 0, &v)))?,
+                    _ => respond(then, &grid.quantise_all(&self.second_light(&first[0], 0, &v)), self.then_span)?,
                 };
                 self.finish(&second.iter().collect::<Vec<_>>(), mix, out);
             }
@@ -141,7 +143,13 @@ impl Chain {
     /// in the band|, on its account.
     pub fn error_factors(&self, mix: Option<&Mix>) -> Vec<f64> {
         let largest = |matrix: &TransportMatrix| Bound::new(matrix).largest_rows();
-        let first: Vec<Vec<f64>> = self.product.first.iter().map(|matrix| largest(matrix)).collect();
+        let mut first: Vec<Vec<f64>> = self.product.first.iter().map(|matrix| largest(matrix)).collect();
+        // What is unsent of texels may be in any band of those that have none.
+        for (bands, matrix) in first.iter_mut().zip(self.product.first.iter()) {
+            if matrix.space != self.product.first.space() {
+                bands.push(above(bands.iter().map(|norm| norm * norm).sum::<f64>().sqrt()));
+            }
+        }
         let weighted = |factor: usize| mix.map_or(1.0, |mix| mix.largest()[factor]);
         let total = |of: &dyn Fn(usize, usize) -> f64| -> Vec<f64> {
             (0..first[0].len()).map(|band| (0..first.len()).map(|k| of(k, band)).sum()).collect()
@@ -184,8 +192,16 @@ pub fn check_mix(product: &Product, mix: Option<&Mix>) -> Result<()> {
 }
 
 /// The exact responses of all factors to one V, which lies on a grid.
-fn respond(factors: &Factors, v: &[[f64; 3]]) -> Result<Vec<Response>> {
-    factors.iter().map(|matrix| respond_one(matrix, v)).collect()
+fn respond(factors: &Factors, v: &[[f64; 3]], span: Span) -> Result<Vec<Response>> {
+    let wavelets = match factors.merged() {
+        Some(size) => Some(merged(Haar::shared(size)?, v, span)?.1),
+        None => None,
+    };
+    let own = |matrix: &TransportMatrix| match &wavelets {
+        Some(wavelets) if matrix.space != factors.space() => wavelets.as_slice(),
+        _ => v,
+    };
+    factors.iter().map(|matrix| respond_one(matrix, own(matrix))).collect()
 }
 
 fn respond_one(matrix: &TransportMatrix, v: &[[f64; 3]]) -> Result<Response> {

@@ -134,6 +134,14 @@ impl Applied {
     }
 }
 
+/// The update that takes `before` to `after`.
+pub fn between(before: &[[f64; 3]], after: &[[f64; 3]]) -> Update {
+    let moved = before.iter().zip(after).enumerate().filter(|(_, (old, new))| old != new);
+    let change = |old: &[f64; 3], new: &[f64; 3]| std::array::from_fn(|c| new[c] - old[c]);
+    let moves = moved.map(|(column, (old, new))| Term { column: column as u32, change: change(old, new) });
+    Update { moves: moves.collect(), ..Update::default() }
+}
+
 /// The update that takes black to `values`.
 pub fn whole(values: &[[f64; 3]]) -> Update {
     let lit = values.iter().enumerate().filter(|(_, value)| **value != [0.0; 3]);

@@ -1,14 +1,16 @@
 //! One stage of a product: V is chosen once, and what changes of it is sent through all of the stage's matrices.
 
-use crate::basis::Bands;
+use crate::basis::haar::Haar;
+use crate::basis::{Bands, ColumnSpace};
 use crate::error::Result;
 use crate::transport::{Factors, TransportMatrix};
 
-use super::change::{Update, whole};
+use super::change::{Update, between, whole};
 use super::choosing::approximation::{Approximation, MAX_COEFFICIENT};
 use super::choosing::method::{Budget, Settings};
 use super::multiplying::bound::{BandNorms, Bound, Measured};
 use super::multiplying::grid::{Grid, HEADROOM, Span, light_norm};
+use super::multiplying::merged::merged;
 use super::multiplying::response::Response;
 
 /// Light so many times below what its grid allows for gets a finer one, which costs nothing.
@@ -59,12 +61,45 @@ pub struct Stage {
     target: Vec<[f64; 3]>,
     /// After the last step.
     measured: Option<Measured>,
+    /// What those matrices follow that have no texels.
+    merged: Option<Merged>,
+}
+
+/// V~ put together in wavelets: a function of V~, rounded to its grid, so that whoever follows it is where a fresh product
+/// would be.
+struct Merged {
+    haar: &'static Haar,
+    bands: Bands,
+    /// Of all matrices, the largest.
+    span: Span,
+    /// It follows the size of V~, and nothing else; None before the first frame.
+    grid: Option<Grid>,
+    values: Vec<[f64; 3]>,
+    measured: Option<Measured>,
+}
+
+impl Merged {
+    fn new(size: usize, span: Span) -> Result<Merged> {
+        let haar = Haar::shared(size)?;
+        let bands = ColumnSpace::haar(size)?.bands();
+        Ok(Merged { haar, span, grid: None, values: vec![[0.0; 3]; bands.columns()], bands, measured: None })
+    }
+
+    /// Takes V~ as it is now, and says what that changes.
+    fn follow(&mut self, values: &[[f64; 3]]) -> Result<Update> {
+        let (grid, values) = merged(self.haar, values, self.span)?;
+        let update = if self.grid == Some(grid) { between(&self.values, &values) } else { whole(&values) };
+        (self.grid, self.values) = (Some(grid), values);
+        Ok(update)
+    }
 }
 
 impl Stage {
     /// `span`: of the stage's matrices, the largest.
     pub fn new(factors: Factors, span: Span, settings: Settings) -> Result<Self> {
+        let merged = factors.merged().map(|size| Merged::new(size, span)).transpose()?;
         Ok(Stage {
+            merged,
             approximation: Approximation::new(factors.first().bands.clone(), settings)?,
             responses: factors.iter().map(|matrix| Response::new(matrix)).collect(),
             bounds: factors.iter().map(|matrix| Bound::new(matrix)).collect(),
@@ -93,9 +128,12 @@ impl Stage {
 
     /// The stage's matrices in their order, each with its response and bound.
     pub fn outputs(&self) -> impl Iterator<Item = Output<'_>> {
-        let measured = self.measured.as_ref();
         let all = self.factors.iter().zip(&self.responses).zip(&self.bounds);
-        all.map(move |((matrix, response), bound)| Output { matrix, response, bound, measured })
+        all.map(move |((matrix, response), bound)| {
+            let merged = self.merged.as_ref().filter(|_| matrix.space != self.factors.space());
+            let measured = merged.map_or(self.measured.as_ref(), |merged| merged.measured.as_ref());
+            Output { matrix, response, bound, measured }
+        })
     }
 
     /// Sets the budget of later frames; refuses one that the settings do not allow.
@@ -165,12 +203,16 @@ impl Stage {
 
     /// Applies `values` from black.
     fn restart(&mut self, values: &[[f64; 3]]) -> Result<()> {
+        self.approximation.set_values(values)?;
         let update = whole(values);
+        let merged =
+            self.merged.as_mut().map(|merged| merged.follow(values).map(|_| whole(&merged.values))).transpose()?;
         for (matrix, response) in self.factors.iter().zip(&mut self.responses) {
             *response = Response::new(matrix);
-            response.apply(matrix, &update, None)?;
+            let own = if matrix.space == self.factors.space() { Some(&update) } else { merged.as_ref() };
+            response.apply(matrix, own.unwrap_or(&update), None)?;
         }
-        self.approximation.set_values(values)
+        Ok(())
     }
 
     fn applied(&self) -> f64 {
@@ -193,8 +235,11 @@ impl Stage {
     /// Sends an update through all matrices. `out`, rows x 3, may be given where there is one.
     pub fn multiply(&mut self, update: &Update, mut out: Option<&mut [f32]>) -> Result<()> {
         debug_assert!(out.is_none() || self.factors.count() == 1);
+        let values = self.approximation.values();
+        let merged = self.merged.as_mut().map(|merged| merged.follow(values)).transpose()?;
         for (matrix, response) in self.factors.iter().zip(&mut self.responses) {
-            response.apply(matrix, update, out.as_deref_mut())?;
+            let own = if matrix.space == self.factors.space() { update } else { merged.as_ref().unwrap_or(update) };
+            response.apply(matrix, own, out.as_deref_mut())?;
         }
         Ok(())
     }
@@ -206,6 +251,10 @@ impl Stage {
             measured.add(unsure);
         }
         self.measured = Some(measured);
+        if let Some(merged) = &mut self.merged {
+            let light = merged.haar.without_texels(light);
+            merged.measured = Some(Measured::new(&merged.bands, &light, &merged.values));
+        }
     }
 
     /// V~ is V, bit for bit on its grid.
@@ -216,9 +265,10 @@ impl Stage {
     /// The cost of the columns that the last update streamed through all matrices.
     pub fn streamed(&self) -> f64 {
         let costs = &self.approximation.settings().costs;
-        let moved = self.responses.iter().flat_map(Response::moved);
+        let own = self.factors.iter().zip(&self.responses).filter(|(matrix, _)| matrix.space == self.factors.space());
+        let moved = own.clone().flat_map(|(_, response)| response.moved());
         // The cost of a column is that of all matrices together.
-        moved.map(|column| costs[column]).sum::<f64>() / self.responses.len() as f64
+        moved.map(|column| costs[column]).sum::<f64>() / own.count() as f64
     }
 
     /// Bytes beyond M: the responses, V~, and V on its grid.

@@ -196,6 +196,30 @@ def texels(columns, rng, **options) -> Form:
     return Form(dl.Transport(core), lambda V: M @ V[:384] + N @ V[384:])
 
 
+def nodes_under_texels(columns, rng) -> Form:
+    """Receivers with texels that take from nodes without: those get all of the light in wavelets."""
+    above = texels(columns, rng)
+    N = dense(rng, 384, 20, 3)
+    W = (rng.integers(0, 256, (ROWS, 20)) * (rng.random((ROWS, 20)) < 0.2)).astype(np.uint16)
+    row, node = np.nonzero(W)
+    starts = np.searchsorted(row, np.arange(ROWS + 1)).astype(np.uint32)
+    link = _core.Link.weights(starts, node.astype(np.uint32), W[row, node], exponent=-8, node_count=20)
+    core = _core.Transport.join([above.transport._core, stored(N, "haar:8", width="i8")], link)
+    # The wavelets of each texel, from the transform of one texel at a time.
+    roots = np.sqrt(texel_areas(8))
+    units = np.eye(384) / roots[:, None]
+    H = np.array(
+        [
+            _core.haar_coefficients(8, np.repeat(u[:, None], 3, 1).reshape(6, 8, 8, 3).astype(np.float32))[:, 0]
+            for u in units
+        ]
+    ).T
+    return Form(
+        dl.Transport(core),
+        lambda V: above.oracle(V) + W / 256 @ np.einsum("rcx,cx->rx", N, V[:384] + H @ V[384:]),
+    )
+
+
 def texel_directions(n: int) -> np.ndarray:
     """Unit directions of texel centres, row-major, face after face: (6 n^2, 3)."""
     at = (2 * np.arange(n) + 1) / n - 1
@@ -225,6 +249,7 @@ FORMS: dict[str, Callable[..., Form]] = {
     "three-channels": three_channels,
     "factors": factors,
     "nodes": nodes,
+    "nodes-under-texels": nodes_under_texels,
     "tree": tree,
     "representatives": representatives,
 }

@@ -2,6 +2,7 @@
 mod update;
 
 mod basis;
+mod bounces;
 mod file;
 mod harmonics;
 mod light;

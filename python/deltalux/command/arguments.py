@@ -76,6 +76,22 @@ def read_threads(text: str) -> int:
     return int(text)
 
 
+def read_bounces(text: str) -> int | str:
+    """A number of bounces, or all."""
+    return _number_or("all", text, "a number of bounces")
+
+
+def read_nodes(text: str) -> int | str:
+    """The most nodes, or auto."""
+    return _number_or("auto", text, "a number of nodes")
+
+
+def _number_or(word: str, text: str, what: str) -> int | str:
+    if text != word and not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"expected {what} or {word!r}, got {text!r}")
+    return word if text == word else int(text)
+
+
 def _vector(text: str) -> tuple[float, float, float]:
     x, y, z = (float(part) for part in text.split(","))
     return x, y, z

@@ -6,13 +6,14 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from ..precomputation.between import RESIDUAL, between
 from ..precomputation.preparation import COLUMNS
 from ..precomputation.quality import QUALITIES
 from ..precomputation.room import check_folder_of
 from ..precomputation.run import Precomputation
 from ..scene.builtin.catalogue import SCENES
 from ..transport.transport import Transport
-from .arguments import add_command, read_camera, read_size, say, scene_of
+from .arguments import add_command, read_bounces, read_camera, read_nodes, read_size, say, scene_of
 
 _RESUME = "stopped; the same command resumes where it left off"
 
@@ -34,6 +35,19 @@ def add(commands: Any) -> None:
     )
     command.add_argument("--quality", choices=QUALITIES, default="publication", help="default: %(default)s")
     command.add_argument("--tolerance", type=float, help="relative error of the image from truncation, such as 0.01")
+    command.add_argument(
+        "--bounces",
+        type=read_bounces,
+        default=0,
+        metavar="N|all",
+        help="of light between surfaces; default: %(default)s",
+    )
+    command.add_argument(
+        "--residual", type=float, default=RESIDUAL, help="proved error of all bounces; default: %(default)s"
+    )
+    command.add_argument(
+        "--nodes", type=read_nodes, default="auto", metavar="N|auto", help="at most so many for bounces; default: auto"
+    )
     command.add_argument("--plan", action="store_true", help="only say what would be computed and what it would cost")
 
     command = add_command(commands, "info", _info, "what a transport holds")
@@ -46,7 +60,8 @@ def _precompute(chosen: argparse.Namespace) -> None:
     if chosen.output is not None and not chosen.plan:
         check_folder_of(Path(chosen.output))
     scene = scene_of(chosen)
-    request = Precomputation(scene, chosen.columns, chosen.quality, chosen.tolerance)
+    asked = between(chosen.bounces, chosen.residual, chosen.nodes)
+    request = Precomputation(scene, chosen.columns, chosen.quality, chosen.tolerance, asked)
     say(request.plan)
     if chosen.output is not None and not chosen.plan:
         say(request.run(chosen.output))

@@ -8,15 +8,19 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from .._core import threads as used_threads
+from ..columns import parse
 from ..transport.entry import GROUP, TILE_ROWS, TILES_PER_SHARD, entry_bytes
 from ..transport.plan import Cost, LeftOut, Part, Plan
+from .between import Interreflection
 from .preparation import BUNDLE, QUANTUM, Prepared, Survey, surveyed_bundles
 from .room import INTERPRETER, PIXEL, TRIANGLE
 
-__all__ = ["DIRECT", "make_plan", "said"]
+__all__ = ["DIRECT", "NODES", "make_plan", "said"]
 
 DIRECT = "direct"
 """The part, and the pass, of light that arrives directly."""
+NODES = "nodes"
+"""The part, and the pass, of light between surfaces."""
 
 # Seconds of the probe, and bundles that are surveyed for it.
 _PROBE = 0.8
@@ -25,6 +29,9 @@ _LOOKED = 8
 _AUDIT_GROUPS, _FILLED = 32, 0.5
 # How far runs of one scene on one idle machine scatter, besides what the probe does not see.
 _SCATTER = 0.1
+# Of light between surfaces: rays and bytes of a receiver's links, different nodes met by a ray, cells of nodes that are
+# traced as one bundle, products where all bounces are asked, and multiply-adds of a thread in a second.
+_LINK_RAYS, _LINK_BYTES, _APART, _CELLS_A_BUNDLE, _ALL_PRODUCTS, _FLOPS = 70, 30, 0.3, 16, 20, 6e9
 # A plan is held to this on an idle machine (`benches/plan.py`).
 _AT_MOST = 0.3
 
@@ -73,12 +80,54 @@ def make_plan(prepared: Prepared) -> Plan:
         picture=(scene.camera.width, scene.camera.height),
         quality=prepared.quality,
         tolerance=settings.tolerance,
-        parts=[part],
+        parts=[part] if prepared.between is None else [part, _nodes(prepared, prepared.between, probe)],
         left_out=_left_out(prepared, probe, part),
         errors=probe.survey.errors,
         without=probe.survey.without,
         notes=[*(f"{count} {what}" for what, count in scene.counts.items() if count), *scene.warnings],
     )
+
+
+def _nodes(prepared: Prepared, own: Interreflection, probe: _Probe) -> Part:
+    """Light between surfaces. What it costs follows from how long placing the nodes took."""
+    columns, nodes, bounces = parse(own.columns), len(own.nodes), own.asked.bounces
+    reach = own.albedo.mean(axis=0)
+    colours = "red, green and blue, as albedos are coloured" if own.channels == 3 else "albedos in reach are grey"
+    why = (
+        f"light between surfaces at {nodes:,} nodes x {own.rays_a_node} rays, then 4 weights a receiver; "
+        f"{colours} ({' '.join(f'{x:.2f}' for x in reach)} in the mean)"
+    )
+    part = Part(
+        name=NODES,
+        make=NODES,
+        rows=nodes,
+        columns=own.columns,
+        column_count=columns.columns,
+        bands=int(columns.bands[-1]) + 1,
+        channels=own.channels,
+        factors=1,
+        bounces=bounces,
+        why=why,
+    )
+    rays = nodes * own.rays_a_node + prepared.count * _LINK_RAYS
+    pairs = nodes * own.rays_a_node * probe.hit_share * _APART
+    products = bounces if bounces > 0 else _ALL_PRODUCTS
+    solving = 2.0 * pairs * columns.columns * products * own.channels / (_FLOPS * used_threads())
+    direct = nodes / _CELLS_A_BUNDLE * probe.bundle_seconds
+    # A look-up of the nearest node costs as much again as a ray.
+    seconds = 2 * rays * own.seconds / max(own.nodes.rays, 1) + direct + solving
+    entry = entry_bytes(prepared.settings.width, own.channels)
+    matrix = nodes / GROUP * probe.survey.looked.entries_per_group * entry + prepared.count * _LINK_BYTES
+    cost = Cost(
+        rays=rays + nodes / _CELLS_A_BUNDLE * (probe.first_rays + probe.edge_rays),
+        bytes_on_disk=matrix,
+        bytes_in_memory=INTERPRETER + TRIANGLE * len(prepared.scene.triangles) + 8 * pairs + 4 * matrix,
+        seconds=seconds,
+        least_seconds=0.5 * seconds,
+        most_seconds=2 * seconds,
+        threads=used_threads(),
+    )
+    return replace(part, cost=cost)
 
 
 def _texels(prepared: Prepared, probe: _Probe) -> str:
@@ -173,9 +222,9 @@ def _left_out(prepared: Prepared, probe: _Probe, part: Part) -> list[LeftOut]:
     materials = "its material is" if len(scene.albedo) == 1 else f"all {len(scene.albedo)} materials are"
     left_out = []
     if part.channels == 1:
-        why = f"{materials} diffuse and lit directly, so that albedos stay outside M"
+        why = f"{materials} diffuse, so that a receiver's albedo stays outside M"
         left_out.append(LeftOut("2 of 3 colour channels", why))
-    if part.bounces == 0:
+    if prepared.between is None:
         left_out.append(LeftOut("bounces", _bounces(probe)))
     if part.factors == 1:
         left_out.append(LeftOut("view factors", f"one view, and {materials} diffuse"))

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from numbers import Real
+from typing import TypedDict
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from .._core import DirectPass, Looked
 from .._core import Scene as CoreScene
 from ..columns import Columns, Haar, parse
 from ..scene.scene import Scene
+from .between import Between, Interreflection
 from .lights import lights
 from .quality import QUALITIES, Quality
 from .room import check_request
@@ -46,35 +48,55 @@ class Survey:
     without: dict[str, float]
 
 
+class _View(TypedDict):
+    """A camera as the core takes it."""
+
+    position: tuple[float, float, float]
+    right: tuple[float, float, float]
+    up: tuple[float, float, float]
+    forward: tuple[float, float, float]
+    half_height: float
+    width: int
+    height: int
+
+
 class Prepared:
     """A scene and a request, checked; the receivers are found, and nothing is written."""
 
     clock: Callable[[], float] = staticmethod(time.perf_counter)
 
-    def __init__(self, scene: Scene, columns: Columns | str, quality: str, tolerance: float | None) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        columns: Columns | str,
+        quality: str,
+        tolerance: float | None,
+        asked: Between | None = None,
+    ) -> None:
         self.scene = scene
         self.columns = parse(columns) if isinstance(columns, str) else columns
         self.quality, self.settings = quality, _settings(quality, tolerance)
         check_request(scene)
         camera = scene.camera
         right, up, forward = camera.basis()
-        core = CoreScene(scene.vertices, scene.triangles, scene.material)
-        self.rows = core.receivers(
-            position=tuple(camera.position),
-            right=tuple(right),
-            up=tuple(up),
-            forward=tuple(forward),
+        self.core = CoreScene(scene.vertices, scene.triangles, scene.material)
+        self.view = _View(
+            position=_three(camera.position),
+            right=_three(right),
+            up=_three(up),
+            forward=_three(forward),
             half_height=float(np.tan(np.radians(camera.vertical_fov) / 2)),
             width=camera.width,
             height=camera.height,
-            edges=self.settings.edges,
         )
+        self.rows = self.core.receivers(**self.view, edges=self.settings.edges)
         self.count = len(self.rows)
         if self.count == 0:
             raise ValueError(f"the camera sees nothing of {scene.name}: no pixel shows a surface")
+        self.between = None if asked is None else Interreflection(self, asked)
         # Drawn here, once: no clock that times a survey is to time this.
         self.lights = lights(self.columns)
-        self.direct = DirectPass(core, self.rows, columns=str(self.columns), edge_side=self.settings.edge_side)
+        self.direct = DirectPass(self.core, self.rows, columns=str(self.columns), edge_side=self.settings.edge_side)
 
     @property
     def bundles(self) -> int:
@@ -102,6 +124,11 @@ class Prepared:
             of = without if light.peaks == 0 else errors
             of[light.name] = max(error, of.get(light.name, 0.0))
         return Survey(found, errors, without)
+
+
+def _three(vector: Sequence[float] | np.ndarray) -> tuple[float, float, float]:
+    x, y, z = (float(component) for component in vector)
+    return x, y, z
 
 
 def _settings(quality: str, tolerance: float | None) -> Quality:

@@ -20,17 +20,26 @@ class Quality:
         the built-in lights and a sun (`lights.py`); else expected, under light with the spectrum of natural scenes.
     width
         Integers of 8 or 16 bits.
+    spacing
+        Of nodes between which light bounces: this share of the distance to other surfaces.
+    node_rays
+        Rays of a node, along each side of their stratification.
+    audit
+        A receiver gathers from what its own rays meet where the mean albedo that its nodes see is off by more.
     """
 
     edges: bool
     edge_side: int
     tolerance: float
     width: str
+    spacing: float
+    node_rays: int
+    audit: float
 
 
 QUALITIES = {
-    "preview": Quality(edges=False, edge_side=0, tolerance=0.03, width="i8"),
-    "publication": Quality(edges=True, edge_side=3, tolerance=0.01, width="i8"),
-    "lossless": Quality(edges=True, edge_side=4, tolerance=0.0, width="i16"),
+    "preview": Quality(edges=False, edge_side=0, tolerance=0.03, width="i8", spacing=0.2, node_rays=16, audit=0.05),
+    "publication": Quality(edges=True, edge_side=3, tolerance=0.01, width="i8", spacing=0.16, node_rays=32, audit=0.05),
+    "lossless": Quality(edges=True, edge_side=4, tolerance=0.0, width="i16", spacing=0.16, node_rays=32, audit=0.05),
 }
 """Presets by outcome; `lossless` keeps every coefficient above 2^-24."""

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
-__all__ = ["Cost", "LeftOut", "Part", "Plan"]
+__all__ = ["Cost", "LeftOut", "Part", "Plan", "Solve"]
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Part:
     name
         What its files are called by.
     make
-        The pass: "direct".
+        The pass: "direct", or "nodes" for light between surfaces.
     rows, columns, column_count, bands
         Its shape, and what its columns are.
     channels
@@ -62,7 +62,7 @@ class Part:
     factors
         Matrices that share its V.
     bounces
-        Of light between surfaces.
+        Of light between surfaces; -1: all.
     why
         What in the scene and the request calls for it.
     cost
@@ -83,9 +83,53 @@ class Part:
 
     def __str__(self) -> str:
         channels = "1 channel" if self.channels == 1 else f"{self.channels} channels"
+        rows = "receivers" if self.make == "direct" else self.make
+        bounces = "all" if self.bounces < 0 else self.bounces
         return (
-            f"{self.name}: {self.rows:,} receivers x {self.column_count:,} columns ({self.columns}), "
-            f"{self.bands} bands, {channels}, bounces: {self.bounces}, factors: {self.factors}; {self.why}"
+            f"{self.name}: {self.rows:,} {rows} x {self.column_count:,} columns ({self.columns}), "
+            f"{self.bands} bands, {channels}, bounces: {bounces}, factors: {self.factors}; {self.why}"
+        )
+
+
+@dataclass(frozen=True)
+class Solve:
+    """How light between surfaces was solved.
+
+    Attributes
+    ----------
+    method
+        "Neumann" or "BiCGStab".
+    nodes
+        How many it was solved at.
+    products
+        With the form factors: the fewest, the median and the most of any column.
+    residual
+        No value of a column is further off than this share of its largest, proved; 0 where so many bounces were asked.
+    shares
+        Of each bounce in the norm of all indirect light at the nodes, under the light prior; of all but the first in
+        one number where they were not told apart.
+    gathering
+        The share of receivers that gather from what their own rays meet, as nodes do not speak for them.
+    lost
+        The share of the nodes' rays that met a surface for which no node speaks.
+    """
+
+    method: str
+    nodes: int
+    products: tuple[int, int, int]
+    residual: float
+    shares: tuple[float, ...]
+    gathering: float
+    lost: float
+
+    def __str__(self) -> str:
+        shares = " ".join(f"{100 * share:.1f}" for share in self.shares)
+        proved = f", residual at most {self.residual:.1e}" if self.residual else ""
+        fewest, median, most = self.products
+        products = f"{median} products" if fewest == most else f"{fewest} to {most} products, {median} in the median"
+        return (
+            f"solved at {self.nodes:,} nodes by {self.method}: {products}{proved}; bounces are {shares} % of the "
+            f"indirect light; {100 * self.lost:.2f} % of the nodes' rays met what no node speaks for"
         )
 
 
@@ -125,6 +169,8 @@ class Plan:
         and under a sun; of a plan, on the rows of its probe. Empty in files before 0.3.
     without
         The same if all of the light went through the wavelets; empty where it does.
+    solve
+        How light between surfaces was solved; None where there is none, or not yet.
     """
 
     scene: str
@@ -137,11 +183,12 @@ class Plan:
     notes: list[str] = field(default_factory=list)
     errors: dict[str, float] = field(default_factory=dict)
     without: dict[str, float] = field(default_factory=dict)
+    solve: Solve | None = None
 
     @property
     def rows(self) -> int:
-        """Receivers: the rows of the part that is computed last."""
-        return self.parts[-1].rows
+        """Receivers: the rows of the first part."""
+        return self.parts[0].rows
 
     @property
     def costs(self) -> list[Cost]:
@@ -194,7 +241,9 @@ class Plan:
             f"{_megabytes(self.bytes_in_memory)} MB in memory"
         )
 
-    def done(self, notes: list[str], errors: dict[str, float], without: dict[str, float]) -> Plan:
+    def done(
+        self, notes: list[str], errors: dict[str, float], without: dict[str, float], solve: Solve | None = None
+    ) -> Plan:
         """The plan as it was carried out, without what depends on the machine.
 
         Parameters
@@ -203,13 +252,15 @@ class Plan:
             What was found while it ran.
         errors, without
             What was measured.
+        solve
+            How light between surfaces was solved.
 
         Returns
         -------
         Plan
         """
         parts = [replace(part, cost=None) for part in self.parts]
-        return replace(self, parts=parts, notes=[*self.notes, *notes], errors=errors, without=without)
+        return replace(self, parts=parts, notes=[*self.notes, *notes], errors=errors, without=without, solve=solve)
 
     def to_json(self) -> str:
         """The plan as text, which `from_json` reads, but for the cost: a file is read on other machines.
@@ -254,11 +305,13 @@ _SHARE: _Shape = ((int, float), lambda value: 0 <= value < 1, "a share")
 _ERROR: _Shape = ((int, float), lambda value: 0 <= value < math.inf, "an error")
 _PART: dict[str, _Shape] = {
     **{name: _TEXT for name in ("name", "make", "columns", "why")},
-    **{name: _COUNT for name in ("rows", "column_count", "bands", "channels", "factors", "bounces")},
+    **{name: _COUNT for name in ("rows", "column_count", "bands", "channels", "factors")},
+    "bounces": (int, lambda value: -1 <= value < 1 << 63, "a count, or -1 for all"),
 }
 _SHAPES: dict[type[Any], dict[str, _Shape]] = {
     Part: _PART,
     LeftOut: {"what": _TEXT, "why": _TEXT},
+    Solve: {"method": _TEXT, "nodes": _COUNT, "residual": _ERROR, "gathering": _ERROR, "lost": _ERROR},
     Plan: {"scene": _TEXT, "quality": _TEXT, "triangles": _COUNT, "tolerance": _SHARE},
 }
 
@@ -279,7 +332,17 @@ def _read(found: Mapping[str, Any]) -> Plan:
         notes=notes,
         errors=_measured("errors", found.get("errors", {})),
         without=_measured("without", found.get("without", {})),
+        solve=_solved(found.get("solve")),
     )
+
+
+def _solved(found: Mapping[str, Any] | None) -> Solve | None:
+    """Plans before 0.4, and of direct light, have none."""
+    if found is None:
+        return None
+    fewest, median, most = (_checked("products", number, _COUNT) for number in found["products"])
+    shares = tuple(float(_checked("shares", share, _ERROR)) for share in found["shares"])
+    return Solve(**_known(Solve, found), products=(fewest, median, most), shares=shares)
 
 
 def _measured(name: str, errors: Mapping[str, Any]) -> dict[str, float]:

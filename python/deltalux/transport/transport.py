@@ -17,7 +17,7 @@ from ..camera import Camera
 from ..columns.haar import Haar
 from ..columns.inner import AnyColumns, parse_any
 from .entry import GROUP
-from .plan import Plan
+from .plan import Plan, Solve
 from .receivers import Pixels, Receivers, of_table
 
 if TYPE_CHECKING:
@@ -77,13 +77,30 @@ class Transport:
 
     @property
     def channels(self) -> int:
-        """1 where one number serves all colours, as the albedo stays outside M; 3 where each colour has its own."""
+        """1 where one number serves all colours, as the albedo stays outside M; 3 where each colour has its own, be it
+        in receivers or in nodes."""
         return self._core.channels
 
     @property
     def factors(self) -> int:
         """How many responses are mixed for every receiver; 1 where there is nothing to mix."""
         return self._core.factors
+
+    @property
+    def bounces(self) -> int:
+        """Of light between surfaces that it holds: 0, so many, or -1 for all."""
+        bounces = [part.bounces for part in self.plan.parts]
+        return -1 if -1 in bounces else max(bounces)
+
+    @property
+    def nodes(self) -> int:
+        """How many points light between surfaces was solved at; 0 where there is none."""
+        return self.plan.solve.nodes if self.plan.solve else 0
+
+    @property
+    def solve(self) -> Solve | None:
+        """How light between surfaces was solved; None where there is none."""
+        return self.plan.solve
 
     @property
     def version(self) -> tuple[int, int]:

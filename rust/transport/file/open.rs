@@ -94,11 +94,12 @@ fn matrix(part: &PartEntry, tiles: Vec<Tile>) -> Result<TransportMatrix> {
     Ok(TransportMatrix { space, bands: space.bands(), rows, channels: part.channels()?, quantum, tile_rows, tiles })
 }
 
-/// Texel columns stand in one matrix whose rows are the receivers: theirs are the normals.
+/// Texel columns stand in the one matrix whose rows are the receivers: theirs are the normals.
 fn check_texels(manifest: &Manifest) -> Result<()> {
-    for part in &manifest.parts {
-        if part.space()?.texels().is_some() && (manifest.parts.len() > 1 || part.channels != 1) {
-            return Err(Error::input("expected texel columns in a transport of one part and one channel only"));
+    for (number, part) in manifest.parts.iter().enumerate() {
+        let receiving = number == 0 && (manifest.parts.len() == 1 || manifest.chain.link == "weights");
+        if part.space()?.texels().is_some() && !(receiving && part.channels == 1) {
+            return Err(Error::input("expected texel columns in the receivers' part alone, with one channel"));
         }
     }
     Ok(())

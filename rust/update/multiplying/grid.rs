@@ -23,6 +23,8 @@ pub(in crate::update) const HEADROOM: i32 = 6;
 /// A second stage's grid changes with the light's norm in steps of 2^4, and has room for what was and what is to be.
 const STEP_BITS: i32 = 2;
 const SECOND_HEADROOM: i32 = 3;
+/// What light put together of two parts may be longer than their norm, with a little for rounding.
+const MERGED: f64 = 1.5;
 /// Below so many bits of the light's norm the grid would be an approximation of its own.
 const FEWEST_BITS: i32 = 20;
 
@@ -66,6 +68,12 @@ impl Grid {
         let step = exponent_above(norm).div_euclid(1 << STEP_BITS) + 1;
         let most = power_of_two((step << STEP_BITS).clamp(*SPACINGS.start(), *SPACINGS.end()));
         Grid::for_light(gain * most, span, SECOND_HEADROOM)
+    }
+
+    /// The grid of light that is put together in wavelets, of what was applied in wavelets and texels with this norm: it
+    /// depends on nothing else. Both parts together are no longer than sqrt(2) times that.
+    pub fn for_merged(norm: f64, span: Span) -> Result<Grid> {
+        Grid::for_second(norm, MERGED, span)
     }
 
     /// Whether sums stay exact for coefficients whose norms, applied and new, add up to `norms`.

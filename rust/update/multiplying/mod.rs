@@ -4,6 +4,7 @@ pub mod bound;
 pub mod finish;
 pub mod grid;
 pub mod kernel;
+pub(in crate::update) mod merged;
 pub mod product;
 pub mod response;
 

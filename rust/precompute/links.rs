@@ -1,0 +1,298 @@
+//! What nodes are to each other, and to receivers: form factors by counted rays, and the weights by which a receiver takes
+//! from the nodes around it, or where those do not speak for it, gathers from what its own rays meet.
+//!
+//! ```text
+//!     F_gh = rays of g that meet what h speaks for / N                 row sums at most 1, as integers
+//!     W_x  = 1 / (|x - n| / r_n + 0.05)^2 of the 4 best of 32 nodes, in 256ths that sum to 256
+//!     or     rays of x that meet what n speaks for / N                 where fewer than two speak for x, or the albedo that
+//!                                                                      x sees differs from what they say (the audit)
+//! ```
+
+use rayon::prelude::*;
+
+use crate::error::{Error, Result};
+use crate::sampling::{cosine_directions, mixed};
+use crate::scene::{CELL, Nodes, Points, Surfaces};
+use crate::transport::{Slab, Weights};
+
+/// Weights are integers times 2^-8.
+const EXPONENT: i32 = -8;
+const WHOLE: u32 = 1 << -EXPONENT;
+/// Nodes looked at for a receiver, those of them that are asked, and those that it takes from.
+const AROUND: usize = 32;
+const ASKED: usize = 8;
+const TAKEN: usize = 4;
+/// Least cosine between the normals of a receiver and of a node.
+const FACING: f64 = 0.8;
+/// Spacings that a node speaks for, along its surface and off it.
+const ALONG: f64 = 3.0;
+const OFF: f64 = 2.0;
+/// How far the ray between them is lifted at both ends, in its length: the chord between two points of a round solid runs
+/// inside it.
+const LIFTED: f64 = 0.1;
+/// A receiver that gathers from so few nodes costs no more than one that interpolates.
+const FEW: usize = 4;
+
+/// Sparse counts of rays, row by row.
+#[derive(Clone, Debug, Default)]
+pub struct Counts {
+    /// Those of row x are `starts[x]..starts[x + 1]`.
+    pub starts: Vec<u32>,
+    /// Ascending in each row.
+    pub nodes: Vec<u32>,
+    /// Rays of the row that met what the node speaks for.
+    pub counts: Vec<u16>,
+    /// Rays of each row.
+    pub rays: u32,
+}
+
+impl Counts {
+    /// The nodes of a row and the share of its rays that each has.
+    pub fn row(&self, row: usize) -> impl Iterator<Item = (usize, f64)> {
+        let range = self.starts[row] as usize..self.starts[row + 1] as usize;
+        let unit = 1.0 / f64::from(self.rays);
+        let pairs = self.nodes[range.clone()].iter().zip(&self.counts[range]);
+        pairs.map(move |(&node, &count)| (node as usize, f64::from(count) * unit))
+    }
+
+    /// How many rows there are.
+    pub fn rows(&self) -> usize {
+        self.starts.len().saturating_sub(1)
+    }
+}
+
+/// How light passes between nodes, whatever they are made of.
+pub struct FormFactors {
+    /// F, node by node.
+    pub counts: Counts,
+    /// Rays that met a surface for which no node speaks: what they would have brought is missing.
+    pub lost: u64,
+}
+
+/// Numbers of the nodes that rays of one point meet, ascending, and how many of the rays were lost.
+fn met(surfaces: Surfaces, nodes: &Nodes, rays: impl Iterator<Item = ([f64; 3], [f64; 3])>) -> (Vec<u32>, u64) {
+    let (mut found, mut lost, mut room) = (Vec::new(), 0, Vec::new());
+    for (origin, direction) in rays {
+        let Some(hit) = surfaces.meet(origin.map(|x| x as f32), direction) else { continue };
+        match nodes.nearest(&hit, &mut room) {
+            Some(node) => found.push(node as u32),
+            None => lost += 1,
+        }
+    }
+    found.sort_unstable();
+    (found, lost)
+}
+
+fn counted(found: &[u32]) -> impl Iterator<Item = (u32, u16)> {
+    found.chunk_by(|a, b| a == b).map(|same| (same[0], same.len() as u16))
+}
+
+/// F by `side` x `side` cosine rays from each node, spread over the points of its cell.
+pub fn form_factors(
+    surfaces: Surfaces,
+    nodes: &Nodes,
+    side: usize,
+    advance: &(dyn Fn(u64) -> Result<()> + Sync),
+) -> Result<FormFactors> {
+    if !side.is_power_of_two() || side * side > usize::from(u16::MAX) {
+        return Err(Error::input(format!("expected rays along a side that are a power of two up to 128, got {side}")));
+    }
+    let row = |number: usize| -> Result<(Vec<u32>, u64)> {
+        advance(1)?;
+        let own = &nodes.cells[number];
+        let directions = cosine_directions(nodes.nodes[number].at.normal, side, mixed(number as u64));
+        let from = |(k, direction): (usize, [f64; 3])| {
+            // Neighbouring strata start from different points.
+            let point = &own[(k % side + 2 * (k / side)) % CELL];
+            (point.origin, direction)
+        };
+        Ok(met(surfaces, nodes, directions.enumerate().map(from)))
+    };
+    let rows = (0..nodes.len()).into_par_iter().map(row).collect::<Result<Vec<_>>>()?;
+    let mut counts = Counts { starts: vec![0], rays: (side * side) as u32, ..Counts::default() };
+    let mut lost = 0;
+    for (found, own) in rows {
+        lost += own;
+        for (node, count) in counted(&found) {
+            counts.nodes.push(node);
+            counts.counts.push(count);
+        }
+        counts.starts.push(counts.nodes.len() as u32);
+    }
+    Ok(FormFactors { counts, lost })
+}
+
+/// How receivers take from nodes.
+#[derive(Clone, Copy, Debug)]
+pub struct Gathering {
+    /// Rays of each receiver along a side: 8 or 16.
+    pub side: usize,
+    /// A receiver gathers where the mean albedo that its own rays meet is off by more than this from what its nodes say.
+    pub audit: f64,
+}
+
+/// The weights of receivers, and what they are.
+pub struct Links {
+    /// Of receivers: of irradiance at nodes below the number of nodes, and from it on of the radiosity of `radiant` nodes.
+    pub weights: Weights,
+    /// The nodes whose radiosity some receiver gathers, ascending.
+    pub radiant: Vec<u32>,
+    /// Rows that gather as too few nodes speak for them, as the audit found them wrong, and as they see few nodes.
+    pub unspoken: usize,
+    /// See `unspoken`.
+    pub audited: usize,
+    /// See `unspoken`.
+    pub few: usize,
+    /// Rays shot.
+    pub rays: u64,
+}
+
+/// A receiver's weights: of irradiance, or of radiosity.
+enum Taken {
+    Interpolated(Vec<(u32, u16)>),
+    Gathered(Vec<(u32, u16)>, Why),
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Why {
+    Unspoken,
+    Audited,
+    Few,
+}
+
+/// Links receivers to nodes. `albedo`: of each node, the mean of its colours; `seen`: the mean albedo that each node's own
+/// rays meet.
+pub fn links(
+    surfaces: Surfaces,
+    nodes: &Nodes,
+    receivers: &Points,
+    gathering: Gathering,
+    albedo: &[f64],
+    seen: &[f64],
+    advance: &(dyn Fn(u64) -> Result<()> + Sync),
+) -> Result<Links> {
+    let Gathering { side, audit } = gathering;
+    if !side.is_power_of_two() || side * side > WHOLE as usize {
+        return Err(Error::input(format!("expected rays along a side that are a power of two up to 16, got {side}")));
+    }
+    let (rays, share) = ((side * side) as f64, (WHOLE as usize / (side * side)) as u16);
+    const CHUNK: usize = 256;
+    let row = |row: usize, room: &mut Vec<(f32, u32)>| -> (Taken, u64) {
+        let origin = receivers.origin[row].map(f64::from);
+        let normal = receivers.normal[row].map(f64::from);
+        let directions = cosine_directions(normal, side, mixed(row as u64) ^ 1);
+        let (found, _) = met(surfaces, nodes, directions.map(|direction| (origin, direction)));
+        let (speaking, shot) = interpolation(surfaces, nodes, origin, normal, room);
+        let gathered: Vec<(u32, u16)> = counted(&found).map(|(node, count)| (node, count * share)).collect();
+        let own = found.iter().map(|&node| albedo[node as usize]).sum::<f64>() / rays;
+        let said: f64 = speaking.iter().map(|&(node, w)| f64::from(w) * seen[node as usize] / f64::from(WHOLE)).sum();
+        let taken = if gathered.len() <= FEW {
+            Taken::Gathered(gathered, Why::Few)
+        } else if speaking.is_empty() {
+            Taken::Gathered(gathered, Why::Unspoken)
+        } else if (own - said).abs() > audit {
+            Taken::Gathered(gathered, Why::Audited)
+        } else {
+            Taken::Interpolated(speaking)
+        };
+        (taken, shot + rays as u64)
+    };
+    let chunks = receivers.len().div_ceil(CHUNK);
+    let rows: Vec<Vec<(Taken, u64)>> = (0..chunks)
+        .into_par_iter()
+        .map(|chunk| {
+            let mut room = Vec::new();
+            let own = chunk * CHUNK..receivers.len().min((chunk + 1) * CHUNK);
+            advance(own.len() as u64)?;
+            Ok(own.map(|number| row(number, &mut room)).collect())
+        })
+        .collect::<Result<_>>()?;
+
+    let mut radiant: Vec<u32> = Vec::new();
+    for (taken, _) in rows.iter().flatten() {
+        if let Taken::Gathered(from, _) = taken {
+            radiant.extend(from.iter().map(|&(node, _)| node));
+        }
+    }
+    radiant.sort_unstable();
+    radiant.dedup();
+    let mut place = vec![0u32; nodes.len()];
+    for (k, &node) in radiant.iter().enumerate() {
+        place[node as usize] = (nodes.len() + k) as u32;
+    }
+    let (mut starts, mut from, mut by) = (vec![0u32], Vec::new(), Vec::new());
+    let (mut whys, mut shot) = ([0; 3], 0);
+    for (taken, own) in rows.into_iter().flatten() {
+        shot += own;
+        let pairs = match taken {
+            Taken::Interpolated(pairs) => pairs,
+            Taken::Gathered(pairs, why) => {
+                whys[why as usize] += 1;
+                pairs.into_iter().map(|(node, count)| (place[node as usize], count)).collect()
+            }
+        };
+        for (node, weight) in pairs {
+            from.push(node);
+            by.push(weight);
+        }
+        starts.push(from.len() as u32);
+    }
+    let weights =
+        Weights::new(Slab::from(starts), Slab::from(from), Slab::from(by), EXPONENT, nodes.len() + radiant.len())?;
+    Ok(Links { weights, radiant, unspoken: whys[0], audited: whys[1], few: whys[2], rays: shot })
+}
+
+/// The nodes that speak for a receiver, and the rays it took to find them: integers that sum to `WHOLE`, or nothing where
+/// fewer than two do.
+fn interpolation(
+    surfaces: Surfaces,
+    nodes: &Nodes,
+    origin: [f64; 3],
+    normal: [f64; 3],
+    room: &mut Vec<(f32, u32)>,
+) -> (Vec<(u32, u16)>, u64) {
+    let (mut speaking, mut shot) = (Vec::with_capacity(ASKED), 0);
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let mut asked = 0;
+    for number in nodes.several(origin, normal, AROUND, room) {
+        let node = &nodes.nodes[number];
+        let apart: [f64; 3] = std::array::from_fn(|k| node.at.place[k] - origin[k]);
+        let distance = dot(apart, apart).sqrt();
+        let alike = dot(node.at.normal, normal) > FACING
+            && distance < ALONG * node.spacing
+            && dot(apart, node.at.normal).abs() < OFF * node.spacing;
+        if !alike {
+            continue;
+        }
+        asked += 1;
+        let lift = LIFTED * distance;
+        let from = std::array::from_fn(|k| origin[k] + lift * normal[k]);
+        let to = std::array::from_fn(|k| node.at.origin[k] + lift * node.at.normal[k]);
+        shot += 1;
+        if surfaces.see(from, to) {
+            speaking.push(((distance / node.spacing + 0.05).powi(-2), number as u32));
+        }
+        if asked == ASKED {
+            break;
+        }
+    }
+    if speaking.len() < 2 {
+        return (Vec::new(), shot);
+    }
+    speaking.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    speaking.truncate(TAKEN);
+    (in_whole_numbers(&speaking), shot)
+}
+
+/// Shares as integers that sum to `WHOLE`: rounded down, and what is left goes to the largest remainders.
+fn in_whole_numbers(shares: &[(f64, u32)]) -> Vec<(u32, u16)> {
+    let sum: f64 = shares.iter().map(|share| share.0).sum();
+    let exact: Vec<f64> = shares.iter().map(|share| share.0 / sum * f64::from(WHOLE)).collect();
+    let mut whole: Vec<u32> = exact.iter().map(|x| *x as u32).collect();
+    let mut order: Vec<usize> = (0..shares.len()).collect();
+    order.sort_by(|&a, &b| (exact[b] - exact[b].floor()).total_cmp(&(exact[a] - exact[a].floor())));
+    let left = WHOLE.saturating_sub(whole.iter().sum());
+    order.iter().cycle().take(left as usize).for_each(|&k| whole[k] += 1);
+    let pairs = shares.iter().zip(whole).map(|(share, weight)| (share.1, weight as u16));
+    pairs.filter(|(_, weight)| *weight > 0).collect()
+}

@@ -1,0 +1,297 @@
+//! Nodes: points of surfaces at which light between surfaces is solved, as dense as it varies.
+//!
+//! ```text
+//!     candidates   what the camera sees, and what a ray each from there meets
+//!     R            harmonic mean distance of what a candidate sees around it (Ward, Rubinstein and Clear 1988)
+//!     r            a R, between 3 and 37 pixels of a picture of 512 lines
+//!     nodes        candidates in the order of a hash, each unless one of its side lies within r of it
+//! ```
+//!
+//! Pixels are the unit, not the scene: a plant on a wide ground needs nodes of its leaves' size. Each node stands for a
+//! cell: a few points around it, at which light that arrives directly is taken.
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::camera::Camera;
+use super::near::Near;
+use super::receivers::along_curve;
+use super::surface::{Point, Points, Surfaces, dot};
+use crate::error::{Error, Result};
+use crate::sampling::{cosine_directions, frame, jitter, mixed};
+
+/// Points of a cell.
+pub const CELL: usize = 4;
+/// Lines of the picture whose pixels are meant, whatever the camera's own.
+const LINES: f64 = 512.0;
+/// Pixels of it between candidates.
+const BETWEEN: usize = 2;
+/// The least and the largest spacing, in pixels.
+const LEAST: f64 = 3.0;
+const MOST: f64 = 37.0;
+/// Rays by which a candidate learns how far surfaces are, along each side of the stratification.
+const AROUND: usize = 6;
+/// So much wider is the spacing of what the camera does not see itself.
+const SECOND_HAND: f64 = 2.0;
+/// Cosine between normals of one side: 25 degrees.
+const ONE_SIDE: f64 = 0.906;
+/// What a unit of a normal counts for beside places, in median spacings.
+const NORMAL: f64 = 40.0;
+/// A hit further from the nearest node than so many times the largest spacing there is nobody's.
+const BEYOND: f64 = 4.0;
+/// How far from a node points of its cell are looked for, in spacings, and how often.
+const FURTHEST: f64 = 1.5;
+const TRIES: usize = 96;
+
+/// How densely nodes are placed.
+#[derive(Clone, Copy, Debug)]
+pub struct Spacing {
+    /// The share of the distance to other surfaces: 0.12 for publication, 0.2 for a preview.
+    pub share: f64,
+    /// At most so many nodes: the share grows until they are no more.
+    pub cap: usize,
+}
+
+/// A node.
+#[derive(Clone, Copy, Debug)]
+pub struct Node {
+    /// The point itself.
+    pub at: Point,
+    /// As far as it stands for its surroundings.
+    pub spacing: f64,
+    /// The largest spacing that there could be here.
+    reach: f64,
+}
+
+/// The nodes of a scene, along a curve: neighbours in the list are near each other and face alike.
+pub struct Nodes {
+    /// One after the other.
+    pub nodes: Vec<Node>,
+    /// `CELL` points of each, over which light that arrives directly is averaged.
+    pub cells: Vec<[Point; CELL]>,
+    /// Rays shot to place them.
+    pub rays: u64,
+    near: Near,
+}
+
+/// A point that may become a node.
+struct Candidate {
+    at: Point,
+    spacing: f64,
+    reach: f64,
+    order: u64,
+}
+
+impl Nodes {
+    /// Places nodes where a camera sees surfaces, and where those see others. `advance` hears of work done, and may stop it.
+    pub fn place(
+        surfaces: Surfaces,
+        camera: &Camera,
+        spacing: Spacing,
+        advance: &(dyn Fn() -> Result<()> + Sync),
+    ) -> Result<Nodes> {
+        if !(spacing.share > 0.0 && spacing.share.is_finite()) || spacing.cap == 0 {
+            let Spacing { share, cap } = spacing;
+            return Err(Error::input(format!(
+                "expected nodes at a share above 0 and at least one, got {share}, {cap}"
+            )));
+        }
+        let eye = surfaces.mesh.normalised(camera.position).map(f64::from);
+        let pixel = 2.0 * camera.half_height / LINES;
+        let height = (LINES as usize).div_ceil(BETWEEN);
+        let width = (height * camera.width).div_ceil(camera.height);
+        let look = |row: usize| -> Result<(Vec<Candidate>, u64)> {
+            advance()?;
+            let (mut found, mut rays) = (Vec::new(), width as u64);
+            for column in 0..width {
+                let number = (row * width + column) as u64;
+                let [x, y] = jitter(number);
+                let x = (column as f64 + x) / width as f64 * camera.width as f64;
+                let y = (row as f64 + y) / height as f64 * camera.height as f64;
+                let Some(seen) = surfaces.meet(eye.map(|x| x as f32), camera.direction(x, y)) else { continue };
+                let onwards = cosine_directions(seen.normal, 1, number).next();
+                let second = onwards.and_then(|way| surfaces.meet(seen.origin.map(|x| x as f32), way));
+                rays += 1;
+                for (k, at) in [Some(seen), second].into_iter().enumerate() {
+                    let Some(at) = at else { continue };
+                    let away: [f64; 3] = std::array::from_fn(|k| at.place[k] - eye[k]);
+                    let footprint = pixel * dot(away, away).sqrt();
+                    let share = spacing.share * if k == 0 { 1.0 } else { SECOND_HAND };
+                    let (around, order) = (clearance(surfaces, &at, number), mixed(2 * number + k as u64));
+                    rays += (AROUND * AROUND) as u64;
+                    found.push(Candidate {
+                        at,
+                        spacing: (share * around).clamp(LEAST * footprint, MOST * footprint),
+                        reach: MOST * footprint,
+                        order,
+                    });
+                }
+            }
+            Ok((found, rays))
+        };
+        let rows = (0..height).into_par_iter().map(look).collect::<Result<Vec<_>>>()?;
+        let rays = rows.iter().map(|(_, rays)| rays).sum();
+        let mut candidates: Vec<Candidate> = rows.into_iter().flat_map(|(found, _)| found).collect();
+        candidates.sort_by_key(|candidate| candidate.order);
+
+        let mut wider = 1.0;
+        let mut nodes = throw(&candidates, wider);
+        while nodes.len() > spacing.cap {
+            advance()?;
+            wider *= 1.05 * (nodes.len() as f64 / spacing.cap as f64).sqrt();
+            nodes = throw(&candidates, wider);
+        }
+        // The way a surface faces first, then where it lies.
+        nodes.sort_by_cached_key(|node| (facing(node.at.normal), along_curve(node.at.place)));
+        let mut spacings: Vec<f64> = nodes.iter().map(|node| node.spacing).collect();
+        spacings.sort_by(f64::total_cmp);
+        let scale = NORMAL * spacings.get(spacings.len() / 2).copied().unwrap_or(1.0);
+        let near = Near::new(nodes.iter().map(|node| (node.at.place, node.at.normal)), scale);
+        let cells = nodes.par_iter().enumerate().map(|(k, node)| cell(surfaces, &near, k, node)).collect();
+        Ok(Nodes { nodes, cells, rays, near })
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.nodes.is_empty()
+    }
+
+    /// The node that speaks for a point that a ray has met; `room` is scratch.
+    pub fn nearest(&self, at: &Point, room: &mut Vec<(f32, u32)>) -> Option<usize> {
+        self.near.nearest(at.place, at.normal, 1, room);
+        let number = room.first()?.1 as usize;
+        let node = &self.nodes[number];
+        let apart: [f64; 3] = std::array::from_fn(|k| node.at.place[k] - at.place[k]);
+        let near = dot(apart, apart).sqrt() <= BEYOND * node.reach;
+        (near && dot(node.at.normal, at.normal) > 0.0).then_some(number)
+    }
+
+    /// The numbers of the `count` nearest nodes, the nearest first; `room` is scratch.
+    pub fn several<'a>(
+        &self,
+        place: [f64; 3],
+        normal: [f64; 3],
+        count: usize,
+        room: &'a mut Vec<(f32, u32)>,
+    ) -> impl Iterator<Item = usize> + use<'a> {
+        self.near.nearest(place, normal, count, room);
+        room.iter().map(|&(_, number)| number as usize)
+    }
+
+    /// The points of all cells as a pass takes them: the first of `group` nodes, then the second of each, and so on. The last
+    /// node stands in where the last group is not full.
+    pub fn cell_points(&self, group: usize) -> Arc<Points> {
+        let mut points = Points::default();
+        for cells in self.cells.chunks(group) {
+            for k in 0..CELL {
+                for lane in 0..group {
+                    points.push(&cells[lane.min(cells.len() - 1)][k]);
+                }
+            }
+        }
+        Arc::new(points)
+    }
+}
+
+/// How far other surfaces are from a point, by the harmonic mean; infinite where it sees none.
+fn clearance(surfaces: Surfaces, at: &Point, seed: u64) -> f64 {
+    let origin = at.origin.map(|x| x as f32);
+    let inverse = |direction| surfaces.meet(origin, direction).map_or(0.0, |hit| 1.0 / hit.distance.max(1e-12));
+    let sum: f64 = cosine_directions(at.normal, AROUND, seed).map(inverse).sum();
+    if sum > 0.0 { (AROUND * AROUND) as f64 / sum } else { f64::INFINITY }
+}
+
+/// The nodes among candidates, at `wider` times their spacings.
+fn throw(candidates: &[Candidate], wider: f64) -> Vec<Node> {
+    let mut grid = Grid::default();
+    let mut nodes: Vec<Node> = Vec::new();
+    for candidate in candidates {
+        let spacing = wider * candidate.spacing;
+        let at = &candidate.at;
+        let taken = grid.any_within(at.place, spacing, |number| {
+            let other = &nodes[number as usize].at;
+            let apart: [f64; 3] = std::array::from_fn(|k| other.place[k] - at.place[k]);
+            dot(apart, apart) < spacing * spacing && dot(other.normal, at.normal) > ONE_SIDE
+        });
+        if !taken {
+            grid.insert(at.place, nodes.len() as u32);
+            nodes.push(Node { at: *at, spacing, reach: wider * candidate.reach });
+        }
+    }
+    nodes
+}
+
+/// Cubes of several sizes that list the nodes in them, so that any radius asks few cubes.
+#[derive(Default)]
+struct Grid {
+    cubes: std::collections::HashMap<(u8, [i32; 3]), Vec<u32>>,
+}
+
+impl Grid {
+    /// From the whole scene down to a 65,536th of it.
+    const LEVELS: u8 = 17;
+
+    fn cube(place: [f64; 3], level: u8) -> [i32; 3] {
+        place.map(|x| (x * f64::from(1u32 << level)).floor() as i32)
+    }
+
+    fn insert(&mut self, place: [f64; 3], number: u32) {
+        for level in 0..Self::LEVELS {
+            self.cubes.entry((level, Self::cube(place, level))).or_default().push(number);
+        }
+    }
+
+    /// Whether any node in the cubes around a place, which all lie within `radius` of it, is one.
+    fn any_within(&self, place: [f64; 3], radius: f64, mut is: impl FnMut(u32) -> bool) -> bool {
+        // The finest cubes that are not smaller than the radius.
+        let level = (-radius.log2()).floor().clamp(0.0, f64::from(Self::LEVELS - 1)) as u8;
+        let [x, y, z] = Self::cube(place, level);
+        (0..27).any(|k| {
+            let at = [x + k % 3 - 1, y + k / 3 % 3 - 1, z + k / 9 - 1];
+            self.cubes.get(&(level, at)).is_some_and(|cube| cube.iter().any(|&number| is(number)))
+        })
+    }
+}
+
+/// Six ways to face: by the largest component of a normal.
+fn facing(normal: [f64; 3]) -> usize {
+    let axis = (0..3).fold(0, |best, k| if normal[k].abs() > normal[best].abs() { k } else { best });
+    2 * axis + usize::from(normal[axis] < 0.0)
+}
+
+/// Points of a node's cell, spread evenly over what is nearer to it than to any other node; the node itself where too few
+/// are found.
+///
+/// Only so the light that leaves a cell is neither more nor less than that of its points: points around the node itself, at
+/// any distance, lose a percent with every bounce in a closed box, as cells reach further where light varies less.
+fn cell(surfaces: Surfaces, near: &Near, number: usize, node: &Node) -> [Point; CELL] {
+    let Node { at, spacing, .. } = node;
+    let [tangent, bitangent] = frame(at.normal);
+    let (mut points, mut found, mut room) = ([*at; CELL], 0, Vec::new());
+    let height = 0.5 * spacing;
+    for k in 0..TRIES {
+        let [x, y] = jitter(mixed(number as u64) ^ k as u64);
+        let (radius, angle) = (FURTHEST * spacing * x.sqrt(), std::f64::consts::TAU * y);
+        let (s, t) = (radius * angle.cos(), radius * angle.sin());
+        let above = std::array::from_fn(|k| at.place[k] + s * tangent[k] + t * bitangent[k] + height * at.normal[k]);
+        let Some(below) = surfaces.meet(above.map(|x| x as f32), at.normal.map(|n| -n)) else { continue };
+        if (below.distance - height).abs() >= height || dot(below.normal, at.normal) <= ONE_SIDE {
+            continue;
+        }
+        near.nearest(below.place, below.normal, 1, &mut room);
+        if room.first().is_some_and(|nearest| nearest.1 as usize == number) && surfaces.see(at.origin, above) {
+            points[found] = below;
+            found += 1;
+            if found == CELL {
+                break;
+            }
+        }
+    }
+    points
+}

@@ -1,0 +1,91 @@
+//! Points of surfaces, as rays find them.
+
+use super::mesh::Mesh;
+use super::rays::tracer::{LIFT, Tracer};
+
+pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// A point of a surface, and the side of it that is meant.
+#[derive(Clone, Copy, Debug)]
+pub struct Point {
+    /// Of the mesh.
+    pub triangle: u32,
+    /// Weights of the triangle's corners 1 and 2; corner 0 has the rest.
+    pub barycentric: [f32; 2],
+    /// In the normalised scene, on the surface.
+    pub place: [f64; 3],
+    /// Unit geometric normal, to the side that the point was seen from.
+    pub normal: [f64; 3],
+    /// Where rays from the point start: off its surface.
+    pub origin: [f64; 3],
+    /// How far the ray that found it has come, in the normalised scene.
+    pub distance: f64,
+}
+
+/// Points from which rays start, with the normals of their surfaces.
+#[derive(Clone, Debug, Default)]
+pub struct Points {
+    /// In the normalised scene, lifted off their surfaces.
+    pub origin: Vec<[f32; 3]>,
+    /// Unit normals.
+    pub normal: Vec<[f32; 3]>,
+}
+
+impl Points {
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.origin.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.origin.is_empty()
+    }
+
+    /// Adds a point.
+    pub fn push(&mut self, point: &Point) {
+        self.origin.push(point.origin.map(|x| x as f32));
+        self.normal.push(point.normal.map(|x| x as f32));
+    }
+}
+
+/// All surfaces of a scene.
+#[derive(Clone, Copy)]
+pub struct Surfaces<'a> {
+    /// Triangles in normalised coordinates.
+    pub mesh: &'a Mesh,
+    /// The trees over them.
+    pub tracer: &'a Tracer,
+}
+
+impl Surfaces<'_> {
+    /// The first point that a ray meets, seen from the ray's side. `direction` has length 1.
+    pub fn meet(&self, origin: [f32; 3], direction: [f64; 3]) -> Option<Point> {
+        let hit = self.tracer.closest_hit(origin, direction.map(|d| d as f32))?;
+        let [b1, b2] = hit.barycentric.map(f64::from);
+        let corners = self.mesh.corners[hit.triangle].map(|corner| corner.map(f64::from));
+        let place: [f64; 3] = std::array::from_fn(|k| {
+            corners[0][k] + b1 * (corners[1][k] - corners[0][k]) + b2 * (corners[2][k] - corners[0][k])
+        });
+        let normal = self.mesh.normal(hit.triangle);
+        let normal = if dot(normal, direction) > 0.0 { normal.map(|n| -n) } else { normal };
+        // Off the surface along its normal; and back along the ray, which has found the way free: a point in the seam of
+        // two walls would otherwise stay in the plane of the other one.
+        let origin = std::array::from_fn(|k| place[k] + LIFT * (normal[k] - 2.0 * direction[k]));
+        let (triangle, distance) = (hit.triangle as u32, f64::from(hit.distance));
+        Some(Point { triangle, barycentric: hit.barycentric, place, normal, origin, distance })
+    }
+
+    /// Whether nothing lies between two points of the normalised scene.
+    pub fn see(&self, from: [f64; 3], to: [f64; 3]) -> bool {
+        let way: [f64; 3] = std::array::from_fn(|k| to[k] - from[k]);
+        let length = dot(way, way).sqrt();
+        if length == 0.0 {
+            return true;
+        }
+        let hit = self.tracer.closest_hit(from.map(|x| x as f32), way.map(|x| (x / length) as f32));
+        hit.is_none_or(|hit| f64::from(hit.distance) >= length)
+    }
+}
