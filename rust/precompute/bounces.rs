@@ -24,8 +24,8 @@ use super::radiosity::{Operator, Solved, solve};
 const BLOCK: usize = 64;
 /// The same where sums are in f64.
 const WIDE_BLOCK: usize = 16;
-/// Rows of a finished tile.
-const TILE_ROWS: usize = 8192;
+/// Rows of a finished tile: few, as nodes are, so that all threads have some.
+pub const TILE_ROWS: usize = 1024;
 /// Covers that norms are rounded to f64 while they are summed.
 const MARGIN: f64 = 1.0 + 1e-9;
 /// What sums of up to 1,024 products in f32 may be off by, relative to the norms that are summed.

@@ -260,6 +260,7 @@ impl Bounces {
         Ok(NodeRows {
             tiles: tiles.into_iter().map(TileData).map(|tile| Py::new(py, tile)).collect::<PyResult<_>>()?,
             rows,
+            tile_rows: core::bounces::TILE_ROWS,
             quantum,
             rays: rays.first + rays.edge,
             shares: share.bounces,
@@ -277,6 +278,8 @@ pub(super) struct NodeRows {
     tiles: Vec<Py<TileData>>,
     /// Of all tiles.
     rows: usize,
+    /// Of every tile but the last.
+    tile_rows: usize,
     /// Of their values.
     quantum: i32,
     /// Shot for light that arrives directly at the nodes.

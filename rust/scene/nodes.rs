@@ -189,11 +189,8 @@ impl Nodes {
     pub fn cell_points(&self, group: usize) -> Arc<Points> {
         let mut points = Points::default();
         for cells in self.cells.chunks(group) {
-            for k in 0..CELL {
-                for lane in 0..group {
-                    points.push(&cells[lane.min(cells.len() - 1)][k]);
-                }
-            }
+            let point = |k: usize| &cells[(k % group).min(cells.len() - 1)][k / group];
+            (0..group * CELL).for_each(|k| points.push(point(k)));
         }
         Arc::new(points)
     }

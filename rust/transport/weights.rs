@@ -19,6 +19,8 @@ pub struct Weights {
     nodes: Slab<u32>,
     weights: Slab<u16>,
     exponent: i32,
+    /// The largest sum of a row.
+    largest_sum: f64,
 }
 
 impl Weights {
@@ -48,7 +50,10 @@ impl Weights {
         if !Self::EXPONENTS.contains(&exponent) {
             return Err(Error::input(format!("expected an exponent in {:?}, got {exponent}", Self::EXPONENTS)));
         }
-        Ok(Weights { starts, nodes, weights, exponent })
+        let sum = |row: &[u32]| weights[row[0] as usize..row[1] as usize].iter().map(|&w| u64::from(w)).sum::<u64>();
+        let most = starts.windows(2).map(sum).max().unwrap_or(0);
+        let largest_sum = most as f64 * f64::from(exponent).exp2();
+        Ok(Weights { starts, nodes, weights, exponent, largest_sum })
     }
 
     /// Receivers.
@@ -62,7 +67,7 @@ impl Weights {
     }
 
     /// What one unit of weight is.
-    fn unit(&self) -> f64 {
+    pub fn unit(&self) -> f64 {
         f64::from(self.exponent).exp2()
     }
 
@@ -81,7 +86,7 @@ impl Weights {
 
     /// The largest sum of a row.
     pub fn largest_sum(&self) -> f64 {
-        (0..self.rows()).map(|row| self.row(row).map(|(_, weight)| weight).sum()).fold(0.0, f64::max)
+        self.largest_sum
     }
 
     /// Bytes of the three arrays.

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from deltalux import _core
 from deltalux.columns.haar import Haar
-from deltalux.precomputation.quality import QUALITIES, Quality
+from deltalux.precomputation.quality import QUALITIES
 from deltalux.scene.scene import Scene
 from hypothesis import settings
 
@@ -20,7 +22,7 @@ CENTRES = "centres"
 @pytest.fixture(scope="session", autouse=True)
 def centres_quality():
     """One ray a texel and a pixel, nothing dropped, 16 bits: what is left is what the rays say, to 2^-15."""
-    QUALITIES[CENTRES] = Quality(edges=False, edge_side=0, tolerance=0.0, width="i16")
+    QUALITIES[CENTRES] = replace(QUALITIES["lossless"], edges=False, edge_side=0)
     yield
     del QUALITIES[CENTRES]
 

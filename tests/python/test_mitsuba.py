@@ -398,3 +398,53 @@ def test_a_real_sun(scalar, tmp_path):
     # What it is for: without texels the same truncation is darker, and its blocks are off.
     _, mean, block = against("haar:64")
     assert abs(mean) > 0.01 and block > 0.02
+
+
+# 5. ------------------------------------------------------------------------------------------------------------------
+
+
+def test_light_between_surfaces(scalar, tmp_path):
+    """The Cornell box under the hall: all light, and what has bounced, against the path tracer; in whole pixels."""
+    scene, env = builtin("cornell")(64), dl.Environment.builtin("hall")
+    sky = {"type": "envmap", "bitmap": mi.Bitmap(rows_of_mitsuba(env).astype(np.float32))}
+    camera = scene.camera
+    view = mi.ScalarTransform4f().look_at(list(camera.position), list(camera.target), [0, 1, 0])
+    film = {"type": "hdrfilm", "width": 64, "height": 64, "rfilter": {"type": "box"}, "pixel_format": "rgb"}
+    whole = mitsuba_scene(scene, sky=sky)
+
+    def truth(depth, spp):
+        sensor = mi.load_dict(
+            {"type": "perspective", "fov": camera.vertical_fov, "fov_axis": "y", "to_world": view, "film": film}
+        )
+        integrator = {"type": "path", "max_depth": depth, "hide_emitters": True, "rr_depth": 100}
+        # Seeds far apart: streams of neighbouring ones meet.
+        return np.array(
+            mi.render(whole, sensor=sensor, integrator=mi.load_dict(integrator), spp=spp, seed=7919 * depth)
+        )
+
+    ours = {}
+    for bounces in (0, 1, 6):
+        transport = dl.precompute(
+            scene, tmp_path / "t.transport", columns="haar:32", tolerance=0.003, bounces=bounces, progress=False
+        )
+        ours[bounces] = transport.image(transport.multiply(transport.coefficients(env)))
+    pixels = transport.pixels
+    single = (np.bincount(pixels.pixel, minlength=64 * 64) == 1) & (pixels.background.ravel() == 0)
+    mask = single.reshape(64, 64, 1)
+    assert transport.nodes <= 3100
+
+    def tiles(picture):
+        count = np.maximum(mask.reshape(8, 8, 8, 8).sum(axis=(1, 3)), 1)
+        return (picture * mask).reshape(8, 8, 8, 8, 3).sum(axis=(1, 3)) / count[..., None]
+
+    for bounces in (1, 6):
+        theirs = truth(bounces + 2, 512)
+        total = (ours[bounces] * mask).sum() / (theirs * mask).sum() - 1
+        # Direct light is ours on both sides: its own truth would bring more noise than there is to see.
+        bounced = [((picture - ours[0]) * mask).sum() for picture in (ours[bounces], theirs)]
+        indirect = bounced[0] / bounced[1] - 1
+        filled = mask.reshape(8, 8, 8, 8).sum(axis=(1, 3)) > 32
+        error = np.abs(tiles(ours[bounces]) - tiles(theirs))[filled].mean() / tiles(theirs)[filled].mean()
+        line = f"{bounces} bounces: total {total:+.3%}, indirect {indirect:+.2%}, tiles {error:.2%}"
+        print(line)
+        assert abs(total) < 0.006 and abs(indirect) < 0.03 and error < 0.02, line

@@ -1,6 +1,9 @@
 //! Light between surfaces: the nearest nodes against a search of all; the solver and its certificate against dense
 //! solutions; rows against dense products; and the geometry of a closed box and of a corridor.
 
+// By index: rows of several lists at once.
+#![allow(clippy::needless_range_loop)]
+
 use _core::basis::ColumnSpace;
 use _core::precompute::links::Counts;
 use _core::precompute::radiosity::{Operator, solve};
@@ -148,7 +151,7 @@ proptest! {
         prop_assert!(told.residual <= 1e-3 * (1.0 + 1e-9));
         let rows = between.rows();
         let made = TransportMatrix {
-            space, bands: bands.clone(), rows, channels, quantum, tile_rows: 8192, tiles: tiles.clone(),
+            space, bands: bands.clone(), rows, channels, quantum, tile_rows: 1024, tiles: tiles.clone(),
         };
         let made_rows = Dense::of(&made);
         let columns = bands.columns();
@@ -209,7 +212,7 @@ proptest! {
             let three = Interreflection { channels: Channels::Three, ..between };
             let (tiles, _) = three.solve(&direct.tiles, &bands, -24, asked, &own, &|_| Ok(())).unwrap();
             let of = |channel| TransportMatrix {
-                space, bands: bands.clone(), rows, channels: Channels::Three, quantum, tile_rows: 8192, tiles: tiles.clone(),
+                space, bands: bands.clone(), rows, channels: Channels::Three, quantum, tile_rows: 1024, tiles: tiles.clone(),
             }.to_csr(channel);
             if threshold == 0.0 {
                 (0..3).for_each(|channel| assert_eq!(of(channel), made.to_csr(0)));

@@ -11,7 +11,6 @@ from .._core import threads as used_threads
 from ..columns import parse
 from ..transport.entry import GROUP, TILE_ROWS, TILES_PER_SHARD, entry_bytes
 from ..transport.plan import Cost, LeftOut, Part, Plan
-from .between import Interreflection
 from .preparation import BUNDLE, QUANTUM, Prepared, Survey, surveyed_bundles
 from .room import INTERPRETER, PIXEL, TRIANGLE
 
@@ -80,7 +79,7 @@ def make_plan(prepared: Prepared) -> Plan:
         picture=(scene.camera.width, scene.camera.height),
         quality=prepared.quality,
         tolerance=settings.tolerance,
-        parts=[part] if prepared.between is None else [part, _nodes(prepared, prepared.between, probe)],
+        parts=[part, *_nodes(prepared, probe)],
         left_out=_left_out(prepared, probe, part),
         errors=probe.survey.errors,
         without=probe.survey.without,
@@ -88,8 +87,11 @@ def make_plan(prepared: Prepared) -> Plan:
     )
 
 
-def _nodes(prepared: Prepared, own: Interreflection, probe: _Probe) -> Part:
-    """Light between surfaces. What it costs follows from how long placing the nodes took."""
+def _nodes(prepared: Prepared, probe: _Probe) -> list[Part]:
+    """Light between surfaces, where some see others. What it costs follows from how long placing the nodes took."""
+    own = prepared.between
+    if own is None or probe.hit_share == 0:
+        return []
     columns, nodes, bounces = parse(own.columns), len(own.nodes), own.asked.bounces
     reach = own.albedo.mean(axis=0)
     colours = "red, green and blue, as albedos are coloured" if own.channels == 3 else "albedos in reach are grey"
@@ -127,7 +129,7 @@ def _nodes(prepared: Prepared, own: Interreflection, probe: _Probe) -> Part:
         most_seconds=2 * seconds,
         threads=used_threads(),
     )
-    return replace(part, cost=cost)
+    return [replace(part, cost=cost)]
 
 
 def _texels(prepared: Prepared, probe: _Probe) -> str:
@@ -224,7 +226,7 @@ def _left_out(prepared: Prepared, probe: _Probe, part: Part) -> list[LeftOut]:
     if part.channels == 1:
         why = f"{materials} diffuse, so that a receiver's albedo stays outside M"
         left_out.append(LeftOut("2 of 3 colour channels", why))
-    if prepared.between is None:
+    if prepared.between is None or probe.hit_share == 0:
         left_out.append(LeftOut("bounces", _bounces(probe)))
     if part.factors == 1:
         left_out.append(LeftOut("view factors", f"one view, and {materials} diffuse"))

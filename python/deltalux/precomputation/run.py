@@ -249,7 +249,7 @@ class _Run:
                 made = rows.tiles[shard * TILES_PER_SHARD : (shard + 1) * TILES_PER_SHARD]
                 self.writer.write_shard(part.name, shard, made)
         width = self.prepared.settings.width
-        self.parts.append((part.name, part.columns, rows.rows, bounces.channels, rows.quantum, width, TILE_ROWS))
+        self.parts.append((part.name, part.columns, rows.rows, bounces.channels, rows.quantum, width, rows.tile_rows))
         self.link = links.link
         shot, lost = bounces.rays
         self.rays += own.nodes.rays + shot + links.rays + rows.rays
