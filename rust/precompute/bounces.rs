@@ -17,7 +17,7 @@ use crate::error::{Error, Result};
 use crate::transport::entry::{Channels, MAX_SPAN, bf16, bf16_up, group_of};
 use crate::transport::{CompressedGroup, GROUP, Rows16, Tile, Truncation, compress_group};
 
-use super::links::Counts;
+use super::links::{Check, Counts};
 use super::radiosity::{Operator, Solved, solve};
 
 /// Columns of a block: what its rows hold fits a few cache lines.
@@ -48,6 +48,8 @@ pub struct Interreflection<'a> {
     pub albedo: &'a [[f32; 3]],
     /// Nodes whose radiosity is wanted besides.
     pub radiant: &'a [u32],
+    /// Receivers at which the error of nodes is measured.
+    pub checks: &'a [Check],
     /// 3 where the albedos are coloured.
     pub channels: Channels,
 }
@@ -64,6 +66,9 @@ pub struct Share {
     pub residual: f64,
     /// Whether BiCGStab was needed.
     pub krylov: bool,
+    /// For each check how far the indirect light that a receiver takes is from what its many rays gather, relative, under
+    /// the light prior. An estimate: it is no part of any bound.
+    pub discretisation: Vec<f64>,
 }
 
 impl Interreflection<'_> {
@@ -215,6 +220,11 @@ impl Interreflection<'_> {
             unproved.push(errors);
         }
 
+        for (check, sums) in self.checks.iter().zip(told.checks(self.checks.len())) {
+            for (channel, indirect) in indirect.iter().enumerate() {
+                self.check(check, channel, &t, indirect, areas, sums);
+            }
+        }
         let local = Bands {
             starts: vec![0, n],
             areas: areas.to_vec(),
@@ -245,6 +255,34 @@ impl Interreflection<'_> {
             groups.push(out);
         }
         Ok((groups, told))
+    }
+
+    /// Adds a block's part to the error of a receiver: squares of what it takes less what it gathers, and of the latter.
+    fn check(
+        &self,
+        check: &Check,
+        channel: usize,
+        t: &[f32],
+        indirect: &[Vec<f32>; 2],
+        areas: &[f64],
+        sums: &mut [f64; 2],
+    ) {
+        let n = areas.len();
+        let radiosity = |node: usize, column: usize| {
+            let at = node * n + column;
+            f64::from(self.albedo[node][channel]) * f64::from(t[at] + indirect[1][at])
+        };
+        for (column, area) in areas.iter().enumerate() {
+            let taken = check.taken.iter().map(|&(row, weight)| {
+                let node = self.made(row, channel).0;
+                let radiant = row >= self.factors.rows();
+                weight * if radiant { radiosity(node, column) } else { f64::from(indirect[0][node * n + column]) }
+            });
+            let gathered: f64 = check.gathered.iter().map(|&(node, share)| share * radiosity(node, column)).sum();
+            let off = taken.sum::<f64>() - gathered;
+            sums[0] += off * off * area;
+            sums[1] += gathered * gathered * area;
+        }
     }
 
     /// The node that a row is made of, and what its indirect light is multiplied by there.
@@ -365,9 +403,16 @@ struct Told {
     products: Vec<usize>,
     residual: f64,
     krylov: bool,
+    checks: Vec<[f64; 2]>,
 }
 
 impl Told {
+    /// Sums of so many checks.
+    fn checks(&mut self, count: usize) -> &mut [[f64; 2]] {
+        self.checks.resize(count, [0.0; 2]);
+        &mut self.checks
+    }
+
     /// Adds the energy of a bounce.
     fn bounce(&mut self, bounce: usize, values: impl Iterator<Item = f64>, n: usize, areas: &[f64]) {
         self.energies.resize(self.energies.len().max(bounce + 1), 0.0);
@@ -391,6 +436,8 @@ impl Told {
             all.products.extend(&told.products);
             all.residual = all.residual.max(told.residual);
             all.krylov |= told.krylov;
+            let sums = all.checks(told.checks.len()).iter_mut().zip(&told.checks);
+            sums.for_each(|(sums, own)| (0..2).for_each(|k| sums[k] += own[k]));
         }
         all.products.sort_unstable();
         let at = |k: usize| all.products.get(k).copied().unwrap_or(0);
@@ -403,6 +450,13 @@ impl Told {
             products: [at(0), at(count / 2), at(count.saturating_sub(1))],
             residual: all.residual,
             krylov: all.krylov,
+            // What sees next to no surface has no error to speak of.
+            discretisation: all
+                .checks
+                .iter()
+                .filter(|sums| sums[1] > 0.0)
+                .map(|sums| (sums[0] / sums[1]).sqrt())
+                .collect(),
         }
     }
 }

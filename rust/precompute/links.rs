@@ -30,6 +30,9 @@ const OFF: f64 = 2.0;
 /// How far the ray between them is lifted at both ends, in its length: the chord between two points of a round solid runs
 /// inside it.
 const LIFTED: f64 = 0.1;
+/// Receivers that are looked at closely, and rays of each along a side.
+const CHECKED: usize = 64;
+const CLOSELY: usize = 64;
 /// A receiver that gathers from so few nodes costs no more than one that interpolates.
 const FEW: usize = 4;
 
@@ -143,8 +146,19 @@ pub struct Links {
     pub audited: usize,
     /// See `unspoken`.
     pub few: usize,
+    /// Some receivers, evenly spread, and what thousands of rays say of them.
+    pub checks: Vec<Check>,
     /// Rays shot.
     pub rays: u64,
+}
+
+/// A receiver that is looked at closely: the error of nodes is measured at it.
+#[derive(Clone, Debug)]
+pub struct Check {
+    /// Its weights of rows of nodes, as `Links::weights` has them.
+    pub taken: Vec<(usize, f64)>,
+    /// The nodes that its many rays meet, and the share of the rays that each has.
+    pub gathered: Vec<(usize, f64)>,
 }
 
 /// A receiver's weights: of irradiance, or of radiosity.
@@ -239,7 +253,20 @@ pub fn links(
     }
     let weights =
         Weights::new(Slab::from(starts), Slab::from(from), Slab::from(by), EXPONENT, nodes.len() + radiant.len())?;
-    Ok(Links { weights, radiant, unspoken: whys[0], audited: whys[1], few: whys[2], rays: shot })
+    let count = CHECKED.min(receivers.len());
+    let check = |k: usize| -> Result<Check> {
+        advance(0)?;
+        let row = (2 * k + 1) * receivers.len() / (2 * count);
+        let (origin, normal) = (receivers.origin[row].map(f64::from), receivers.normal[row].map(f64::from));
+        let directions = cosine_directions(normal, CLOSELY, mixed(row as u64) ^ 2);
+        let (found, _) = met(surfaces, nodes, directions.map(|direction| (origin, direction)));
+        let share = 1.0 / (CLOSELY * CLOSELY) as f64;
+        let gathered = counted(&found).map(|(node, count)| (node as usize, f64::from(count) * share));
+        Ok(Check { taken: weights.row(row).collect(), gathered: gathered.collect() })
+    };
+    let checks = (0..count).into_par_iter().map(check).collect::<Result<Vec<_>>>()?;
+    let rays = shot + (count * CLOSELY * CLOSELY) as u64;
+    Ok(Links { weights, radiant, unspoken: whys[0], audited: whys[1], few: whys[2], checks, rays })
 }
 
 /// The nodes that speak for a receiver, and the rays it took to find them: integers that sum to `WHOLE`, or nothing where

@@ -60,8 +60,18 @@ pub struct Solved {
     pub krylov: bool,
 }
 
-/// Columns that are summed at once.
-const LANES: usize = 64;
+/// One row's sums in the columns from `first` on, and how many they are.
+#[inline(always)]
+fn spread<T: Real, const N: usize>(pairs: (&[u32], &[f32]), x: &[T], n: usize, first: usize, out: &mut [T]) -> usize {
+    let mut sums = [T::default(); N];
+    for (&node, &weight) in pairs.0.iter().zip(pairs.1) {
+        let own = &x[node as usize * n + first..][..N];
+        let weight = T::from(weight);
+        (0..N).for_each(|k| sums[k] += own[k] * weight);
+    }
+    out[first..first + N].copy_from_slice(&sums);
+    N
+}
 
 impl<'a> Operator<'a> {
     /// Of nodes with these albedos.
@@ -93,16 +103,15 @@ impl<'a> Operator<'a> {
         let mut out = vec![T::default(); x.len()];
         for (row, out) in out.chunks_exact_mut(n).enumerate() {
             let range = self.factors.starts[row] as usize..self.factors.starts[row + 1] as usize;
-            for (chunk, out) in out.chunks_mut(LANES).enumerate() {
-                let first = chunk * LANES;
-                let mut sums = [T::default(); LANES];
-                let sums = &mut sums[..out.len()];
-                for (&node, &weight) in self.factors.nodes[range.clone()].iter().zip(&self.weights[range.clone()]) {
-                    let own = &x[node as usize * n + first..][..sums.len()];
-                    let weight = T::from(weight);
-                    sums.iter_mut().zip(own).for_each(|(sum, &value)| *sum += value * weight);
-                }
-                out.copy_from_slice(sums);
+            let pairs = (&self.factors.nodes[range.clone()], &self.weights[range]);
+            let mut first = 0;
+            while first < n {
+                // PERF: as many sums as registers hold, their number known to the compiler.
+                first += match n - first {
+                    64.. => spread::<T, 64>(pairs, x, n, first, out),
+                    16.. => spread::<T, 16>(pairs, x, n, first, out),
+                    _ => spread::<T, 1>(pairs, x, n, first, out),
+                };
             }
         }
         out

@@ -117,8 +117,15 @@ impl Bounces {
         self.albedo[node].iter().map(|&x| f64::from(x)).sum::<f64>() / 3.0
     }
 
-    fn interreflection<'a>(&'a self, radiant: &'a [u32]) -> Interreflection<'a> {
-        Interreflection { factors: &self.factors.counts, albedo: &self.albedo, radiant, channels: self.channels }
+    fn interreflection<'a>(&'a self, links: &'a core::Links) -> Interreflection<'a> {
+        let core::Links { radiant, checks, .. } = links;
+        Interreflection {
+            factors: &self.factors.counts,
+            albedo: &self.albedo,
+            radiant,
+            checks,
+            channels: self.channels,
+        }
     }
 }
 
@@ -249,14 +256,14 @@ impl Bounces {
                 direct.extend(made);
                 rays = rays.plus(shot);
             }
-            let between = self.interreflection(&links.links.radiant);
+            let between = self.interreflection(&links.links);
             let own = between.quantum(&direct, &bands, bounces, quantum)?;
             let rule = Truncation::new(&bands, INDIRECT * threshold, own, width)?;
             let (tiles, share) =
                 between.solve(&direct, &bands, quantum, bounces, &rule, &|columns| watch.advance(columns))?;
             Ok((tiles, share, own, rays))
         })?;
-        let rows = self.interreflection(&links.links.radiant).rows();
+        let rows = self.interreflection(&links.links).rows();
         Ok(NodeRows {
             tiles: tiles.into_iter().map(TileData).map(|tile| Py::new(py, tile)).collect::<PyResult<_>>()?,
             rows,
@@ -267,6 +274,7 @@ impl Bounces {
             products: share.products.into(),
             residual: share.residual,
             krylov: share.krylov,
+            discretisation: share.discretisation,
         })
     }
 }
@@ -292,6 +300,8 @@ pub(super) struct NodeRows {
     residual: f64,
     /// Whether BiCGStab was needed.
     krylov: bool,
+    /// Estimated at some receivers: the error of the indirect light that they take.
+    discretisation: Vec<f64>,
 }
 
 /// How receivers take from nodes.

@@ -71,6 +71,8 @@ def test_it_says_what_it_holds(rooms):
     assert len(solve.shares) == 6 and sum(solve.shares) == pytest.approx(1)
     assert all(a > b for a, b in zip(solve.shares, solve.shares[1:], strict=False))
     assert 0 < rooms["all"].solve.residual <= 1e-3
+    middle, p95, worst = solve.discretisation
+    assert 0 < middle < p95 <= worst < 0.3 and middle < 0.05
     assert "nodes" in str(rooms[6].plan) and "bounces: 6" in str(rooms[6].plan)
     assert "bounces: all" in str(rooms["all"].plan) and "residual at most" in str(rooms["all"].plan)
 

@@ -5,7 +5,7 @@
 #![allow(clippy::needless_range_loop)]
 
 use _core::basis::ColumnSpace;
-use _core::precompute::links::Counts;
+use _core::precompute::links::{Check, Counts};
 use _core::precompute::radiosity::{Operator, solve};
 use _core::precompute::{Bounces, Gathering, Interreflection, form_factors, links};
 use _core::scene::near::Near;
@@ -142,13 +142,29 @@ proptest! {
             .collect();
         let radiant: Vec<u32> = (0..nodes as u32).filter(|_| dice.share() < 0.5).collect();
         let channels = if coloured { Channels::Three } else { Channels::One };
-        let between = Interreflection { factors: &counts, albedo: &albedo, radiant: &radiant, channels };
+        // A receiver that takes what it gathers is right; one that takes nothing is off by all of it.
+        let rays: Vec<(usize, f64)> = counts.row(0).collect();
+        let checks = [
+            Check { taken: vec![(0, 1.0)], gathered: rays.clone() },
+            Check { taken: vec![], gathered: rays },
+        ];
+        let between =
+            Interreflection { factors: &counts, albedo: &albedo, radiant: &radiant, checks: &checks, channels };
         let asked = if endless { Bounces::All(1e-3) } else { Bounces::Count(bounces) };
         let bands = space.bands();
         let quantum = between.quantum(&direct.tiles, &bands, asked, -24).unwrap();
         let own = Truncation::new(&bands, threshold, quantum, Width::I8).unwrap();
         let (tiles, told) = between.solve(&direct.tiles, &bands, -24, asked, &own, &|_| Ok(())).unwrap();
         prop_assert!(told.residual <= 1e-3 * (1.0 + 1e-9));
+        let off = &told.discretisation;
+        prop_assert!(off.len() == 2 || off.is_empty());
+        if let [right, nothing] = off[..] {
+            // Of no bounce there is nothing to take.
+            let expected = if asked == Bounces::Count(0) { 1.0 } else { 0.0 };
+            // Solved to a residual, small values may be far off in relation to themselves.
+            prop_assert!(endless || (right - expected).abs() < 2e-3, "{right}");
+            prop_assert!((nothing - 1.0).abs() < 1e-9, "{nothing}");
+        }
         let rows = between.rows();
         let made = TransportMatrix {
             space, bands: bands.clone(), rows, channels, quantum, tile_rows: 1024, tiles: tiles.clone(),

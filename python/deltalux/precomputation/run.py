@@ -254,6 +254,7 @@ class _Run:
         shot, lost = bounces.rays
         self.rays += own.nodes.rays + shot + links.rays + rows.rays
         unspoken, audited, few = links.gathering
+        off = np.quantile(rows.discretisation or [0.0], (0.5, 0.95, 1.0))
         self.solve = Solve(
             method="BiCGStab" if rows.krylov else "Neumann",
             nodes=nodes,
@@ -262,6 +263,7 @@ class _Run:
             shares=tuple(rows.shares),
             gathering=(unspoken + audited + few) / self.prepared.count,
             lost=lost / max(shot, 1),
+            discretisation=(float(off[0]), float(off[1]), float(off[2])),
         )
         of = f"of {self.prepared.count:,} receivers"
         self.notes += [

@@ -112,6 +112,10 @@ class Solve:
         The share of receivers that gather from what their own rays meet, as nodes do not speak for them.
     lost
         The share of the nodes' rays that met a surface for which no node speaks.
+    discretisation
+        How far the indirect light of a receiver is from what 4,096 rays of its own gather from the same nodes, relative
+        to it, under the light prior: median, 95th percentile and largest of 64 receivers. An estimate, which no bound
+        includes.
     """
 
     method: str
@@ -121,6 +125,7 @@ class Solve:
     shares: tuple[float, ...]
     gathering: float
     lost: float
+    discretisation: tuple[float, float, float]
 
     def __str__(self) -> str:
         shares = " ".join(f"{100 * share:.1f}" for share in self.shares)
@@ -129,7 +134,9 @@ class Solve:
         products = f"{median} products" if fewest == most else f"{fewest} to {most} products, {median} in the median"
         return (
             f"solved at {self.nodes:,} nodes by {self.method}: {products}{proved}; bounces are {shares} % of the "
-            f"indirect light; {100 * self.lost:.2f} % of the nodes' rays met what no node speaks for"
+            f"indirect light; {100 * self.lost:.2f} % of the nodes' rays met what no node speaks for; discretisation, "
+            f"estimated and in no bound: {' / '.join(f'{100 * off:.2g}' for off in self.discretisation)} % of a "
+            "receiver's indirect light (median / p95 / most)"
         )
 
 
@@ -342,7 +349,13 @@ def _solved(found: Mapping[str, Any] | None) -> Solve | None:
         return None
     fewest, median, most = (_checked("products", number, _COUNT) for number in found["products"])
     shares = tuple(float(_checked("shares", share, _ERROR)) for share in found["shares"])
-    return Solve(**_known(Solve, found), products=(fewest, median, most), shares=shares)
+    middle, p95, worst = (float(_checked("discretisation", off, _ERROR)) for off in found["discretisation"])
+    return Solve(
+        **_known(Solve, found),
+        products=(fewest, median, most),
+        shares=shares,
+        discretisation=(middle, p95, worst),
+    )
 
 
 def _measured(name: str, errors: Mapping[str, Any]) -> dict[str, float]:
