@@ -19,6 +19,9 @@ use super::truncate::Truncation;
 const BINS: i32 = 16;
 const OCTAVES: std::ops::Range<i32> = -120..40;
 
+/// A light that brings the rows less than this share of its energy does not reach them: what is left is rounding.
+const FAINT: f64 = 1e-10;
+
 /// Thresholds are not sought further than where the error is so many times what is tolerated.
 const BEYOND: f64 = 2.0;
 
@@ -35,6 +38,8 @@ pub struct Survey {
     always_kept: [f64; 3],
     /// What errors are measured under.
     lights: Arc<Vec<Measure>>,
+    /// The squared norm of each light.
+    squares: Vec<f64>,
     /// For each light the squared sum of all rows' responses.
     whole: Vec<f64>,
     /// For each bin and light the squared error of all rows if what lies in this bin and below is dropped; the first is
@@ -82,6 +87,7 @@ impl Survey {
             groups: 0,
             bins: vec![[0.0; 3]; count],
             always_kept: [0.0; 3],
+            squares: lights.iter().map(|light| light.whole.as_flattened().iter().map(|x| x * x).sum()).collect(),
             whole: vec![0.0; lights.len()],
             lost: vec![0.0; (count + 1) * lights.len()],
             lights,
@@ -178,8 +184,11 @@ impl Survey {
     /// The relative error under each light if the first `bins` bins are dropped.
     fn errors(&self, bins: usize) -> Vec<f64> {
         let own = &self.lost[bins * self.lights.len()..][..self.lights.len()];
-        let relative = |(lost, whole): (&f64, &f64)| if *whole > 0.0 { (lost / whole).sqrt() } else { 0.0 };
-        own.iter().zip(&self.whole).map(relative).collect()
+        let rows = (GROUP * self.groups) as f64;
+        let relative = |((lost, whole), square): ((&f64, &f64), &f64)| {
+            if *whole > FAINT * square * rows { (lost / whole).sqrt() } else { 0.0 }
+        };
+        own.iter().zip(&self.whole).zip(&self.squares).map(relative).collect()
     }
 
     /// The largest threshold at which the error does not exceed `tolerance`; 0, with the error that rounding alone
