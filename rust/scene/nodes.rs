@@ -265,8 +265,9 @@ fn facing(normal: [f64; 3]) -> usize {
 /// Points of a node's cell, spread evenly over what is nearer to it than to any other node; the node itself where too few
 /// are found.
 ///
-/// Only so the light that leaves a cell is neither more nor less than that of its points: points around the node itself, at
-/// any distance, lose a percent with every bounce in a closed box, as cells reach further where light varies less.
+/// Only so the light that leaves a cell is neither more nor less than that of its points: with points on a disc around the
+/// node itself about a percent of the indirect light was missing in the Cornell box, as cells reach further where light
+/// varies less.
 fn cell(surfaces: Surfaces, near: &Near, number: usize, node: &Node) -> [Point; CELL] {
     let Node { at, spacing, .. } = node;
     let [tangent, bitangent] = frame(at.normal);
