@@ -6,9 +6,9 @@
 //! ```
 //!
 //! Rows of what is made: I of every node, and for the nodes that receivers gather from rho (T + I'), their radiosity, with I'
-//! of one bounce less, as gathering is the last one itself. It is
-//! truncated like any other transport, block after block of columns; what T's rows had lost goes through the same sums,
-//! which only bring norms together (they are convex), and is added to what the rows lose.
+//! of one bounce less, as gathering is the last one itself. They are truncated like any other transport, block after block of
+//! columns; what T's rows had lost goes through the same sums, which only bring norms together (they are convex), and is added
+//! to what the rows lose.
 
 use rayon::prelude::*;
 
@@ -18,7 +18,7 @@ use crate::transport::entry::{Channels, MAX_SPAN, bf16, bf16_up, group_of};
 use crate::transport::{CompressedGroup, GROUP, Rows16, Tile, Truncation, compress_group};
 
 use super::links::{Check, Counts};
-use super::radiosity::{Operator, Solved, solve};
+use super::radiosity::{Operator, Real, Solved, solve};
 
 /// Columns of a block: what its rows hold fits a few cache lines.
 const BLOCK: usize = 64;
@@ -111,11 +111,7 @@ impl Interreflection<'_> {
         let t: Vec<f64> = direct.iter().flat_map(|tile| of(tile).iter().map(|&norm| f64::from(bf16(norm)))).collect();
         let indirect = match bounces {
             Bounces::Count(bounces) => {
-                let (mut term, mut sum) = (t.clone(), vec![0.0; t.len()]);
-                for _ in 0..bounces {
-                    term = operator.apply(&term, count);
-                    sum.iter_mut().zip(&term).for_each(|(sum, term)| *sum += term);
-                }
+                let [sum, _] = neumann(operator, &t, count, bounces, |_, _| {});
                 sum
             }
             Bounces::All(_) => {
@@ -204,7 +200,10 @@ impl Interreflection<'_> {
         for operator in operators {
             let (values, before, errors) = match bounces {
                 Bounces::Count(bounces) => {
-                    let [values, before] = neumann(operator, &t, n, bounces, areas, &mut told);
+                    let [values, before] = neumann(operator, &t, n, bounces, |bounce, term| {
+                        told.bounce(bounce, term.iter().map(|&x| f64::from(x)), n, areas);
+                    });
+                    told.products.resize(told.products.len() + n, bounces);
                     (values, before, None)
                 }
                 Bounces::All(residual) => {
@@ -383,16 +382,21 @@ fn dense(tiles: &[Tile], columns: std::ops::Range<usize>, quantum: i32) -> Vec<f
     dense
 }
 
-/// The sum of the first bounces, and of one less.
-fn neumann(operator: &Operator, t: &[f32], n: usize, bounces: usize, areas: &[f64], told: &mut Told) -> [Vec<f32>; 2] {
-    let (mut term, mut sum, mut before) = (t.to_vec(), vec![0.0; t.len()], vec![0.0; t.len()]);
+/// The sum of the first bounces, and of one less; `each` sees every bounce.
+fn neumann<T: Real>(
+    operator: &Operator,
+    t: &[T],
+    n: usize,
+    bounces: usize,
+    mut each: impl FnMut(usize, &[T]),
+) -> [Vec<T>; 2] {
+    let (mut term, mut sum, mut before) = (t.to_vec(), vec![T::default(); t.len()], vec![T::default(); t.len()]);
     for bounce in 0..bounces {
         before.copy_from_slice(&sum);
         term = operator.apply(&term, n);
-        sum.iter_mut().zip(&term).for_each(|(sum, term)| *sum += term);
-        told.bounce(bounce, term.iter().map(|&x| f64::from(x)), n, areas);
+        sum.iter_mut().zip(&term).for_each(|(sum, &term)| *sum += term);
+        each(bounce, &term);
     }
-    told.products.resize(told.products.len() + n, bounces);
     [sum, before]
 }
 

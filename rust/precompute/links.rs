@@ -12,6 +12,7 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::sampling::{cosine_directions, mixed};
+use crate::scene::surface::dot;
 use crate::scene::{CELL, Nodes, Points, Surfaces};
 use crate::transport::{Slab, Weights};
 
@@ -279,7 +280,6 @@ fn interpolation(
     room: &mut Vec<(f32, u32)>,
 ) -> (Vec<(u32, u16)>, u64) {
     let (mut speaking, mut shot) = (Vec::with_capacity(ASKED), 0);
-    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let mut asked = 0;
     for number in nodes.several(origin, normal, AROUND, room) {
         let node = &nodes.nodes[number];

@@ -2,14 +2,14 @@
 
 use std::sync::Arc;
 
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray2};
+use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 
 use crate::error::Error;
 use crate::precompute::{self as core, FormFactors, Gathering, Interreflection, NodePass, Pass, form_factors, tile};
-use crate::scene::{CELL, Camera, Node, Nodes as Placed, Spacing};
+use crate::scene::{CELL, Camera, Nodes as Placed, Spacing};
 use crate::transport::entry::Channels;
-use crate::transport::{MAX_TILE_ROWS, Tile, Truncation, Weights};
+use crate::transport::{MAX_TILE_ROWS, Tile, Truncation};
 
 use super::arrays::{rows_of, to_vec_of_rows};
 use super::interruptible;
@@ -24,8 +24,6 @@ pub(super) struct Nodes {
     source: Vec<u32>,
     /// Their weights of corners 1 and 2.
     barycentric: Vec<[f32; 2]>,
-    /// Of each node, in the user's space.
-    position: Vec<[f32; 3]>,
 }
 
 #[pymethods]
@@ -57,8 +55,7 @@ impl Nodes {
         let points = || placed.cells.iter().flatten();
         let source = points().map(|point| scene.source(point.triangle)).collect();
         let barycentric = points().map(|point| point.barycentric).collect();
-        let position = placed.nodes.iter().map(|node: &Node| scene.world(node.at.place)).collect();
-        Ok(Nodes { source, barycentric, position, placed: Arc::new(placed) })
+        Ok(Nodes { source, barycentric, placed: Arc::new(placed) })
     }
 
     /// How many there are.
@@ -86,19 +83,6 @@ impl Nodes {
     #[getter]
     fn barycentric(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f32>>> {
         rows_of(py, &self.barycentric)
-    }
-
-    /// Where the nodes are, in the user's space, (nodes, 3) float32.
-    #[getter]
-    fn position(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f32>>> {
-        rows_of(py, &self.position)
-    }
-
-    /// Unit geometric normals, (nodes, 3) float32.
-    #[getter]
-    fn normal(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f32>>> {
-        let normals: Vec<[f32; 3]> = self.placed.nodes.iter().map(|node| node.at.normal.map(|x| x as f32)).collect();
-        rows_of(py, &normals)
     }
 }
 
@@ -136,6 +120,15 @@ const DIRECT: f64 = 0.1;
 /// Colours that differ by less are one.
 const GREY: f32 = 1.0 / 1024.0;
 
+/// One where all albedos are grey.
+fn channels_of(albedo: &[[f32; 3]]) -> Channels {
+    let grey = |rho: &[f32; 3]| {
+        let (low, high) = rho.iter().fold((f32::MAX, f32::MIN), |(low, high), &x| (low.min(x), high.max(x)));
+        high - low <= GREY
+    };
+    if albedo.iter().all(grey) { Channels::One } else { Channels::Three }
+}
+
 #[pymethods]
 impl Bounces {
     /// Form factors by `side` x `side` rays a node; albedo: (nodes, 3) float32.
@@ -151,19 +144,26 @@ impl Bounces {
     ) -> PyResult<Self> {
         let (scene, placed) = (scene.get(), Arc::clone(&nodes.get().placed));
         let albedo = to_vec_of_rows("albedo", &albedo, placed.len())?;
-        let albedo: Vec<[f32; 3]> = albedo.chunks_exact(3).map(|rho| [rho[0], rho[1], rho[2]]).collect();
+        let albedo = albedo.as_chunks::<3>().0.to_vec();
         if albedo.as_flattened().iter().any(|rho| !(rho.is_finite() && *rho >= 0.0)) {
             return Err(Error::input("expected finite albedos of at least 0").into());
         }
-        let grey = albedo.iter().all(|rho| (rho[0] - rho[1]).abs().max((rho[1] - rho[2]).abs()) <= GREY);
-        let channels = if grey { Channels::One } else { Channels::Three };
+        let channels = channels_of(&albedo);
         let factors = interruptible(py, progress, |watch| {
             form_factors(scene.surfaces(), &placed, side, &|done| watch.advance(done))
         })?;
         Ok(Bounces { placed, albedo, factors, channels })
     }
 
-    /// 3 where albedos are coloured, else 1.
+    /// How many channels bounces take between nodes of these albedos, (nodes, 3) float32: 3 where any is coloured, else 1.
+    #[staticmethod]
+    fn channels_of(albedo: PyReadonlyArray2<'_, f32>) -> PyResult<usize> {
+        let rows = albedo.as_array().nrows();
+        let albedo = to_vec_of_rows("albedo", &albedo, rows)?;
+        Ok(channels_of(albedo.as_chunks().0).count())
+    }
+
+    /// The same of its own nodes.
     #[getter]
     fn channels(&self) -> usize {
         self.channels.count()
@@ -173,27 +173,6 @@ impl Bounces {
     #[getter]
     fn rays(&self) -> (u64, u64) {
         (u64::from(self.factors.counts.rays) * self.placed.len() as u64, self.factors.lost)
-    }
-
-    /// Pairs of nodes that see each other.
-    #[getter]
-    fn pairs(&self) -> usize {
-        self.factors.counts.nodes.len()
-    }
-
-    /// The albedos as bounces take them, (nodes, 3) float32.
-    #[getter]
-    fn albedo(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f32>>> {
-        rows_of(py, &self.albedo)
-    }
-
-    /// F as three arrays: starts (nodes + 1,) and nodes (n,) uint32, and the share of a row's rays (n,) float64.
-    #[allow(clippy::type_complexity)]
-    fn form_factors(&self, py: Python<'_>) -> (Py<PyArray1<u32>>, Py<PyArray1<u32>>, Py<PyArray1<f64>>) {
-        let counts = &self.factors.counts;
-        let shares: Vec<f64> = (0..counts.rows()).flat_map(|row| counts.row(row).map(|(_, share)| share)).collect();
-        let array = |items: &[u32]| PyArray1::from_slice(py, items).unbind();
-        (array(&counts.starts), array(&counts.nodes), shares.into_pyarray(py).unbind())
     }
 
     /// Links receivers to the nodes by `side` x `side` rays each; `audit`: the error of the albedo seen that makes a row
@@ -318,12 +297,6 @@ impl Links {
         Link(crate::transport::Link::Weights(Arc::new(self.links.weights.clone())))
     }
 
-    /// Nodes whose radiosity some receiver gathers.
-    #[getter]
-    fn radiant(&self) -> usize {
-        self.links.radiant.len()
-    }
-
     /// Rows that gather: as too few nodes speak for them, as the audit found them wrong, and as they see few nodes.
     #[getter]
     fn gathering(&self) -> (usize, usize, usize) {
@@ -340,15 +313,6 @@ impl Links {
     #[getter]
     fn rays(&self) -> u64 {
         self.links.rays
-    }
-
-    /// starts (rows + 1,) and nodes (n,) uint32, weights (n,) uint16 in units of 2^exponent, and the exponent.
-    #[allow(clippy::type_complexity)]
-    fn arrays(&self, py: Python<'_>) -> (Py<PyArray1<u32>>, Py<PyArray1<u32>>, Py<PyArray1<u16>>, i32) {
-        let weights: &Weights = &self.links.weights;
-        let (starts, nodes, by) = weights.arrays();
-        let array = |items: &[u32]| PyArray1::from_slice(py, items).unbind();
-        (array(starts), array(nodes), PyArray1::from_slice(py, by).unbind(), weights.exponent())
     }
 }
 

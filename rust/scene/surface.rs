@@ -3,7 +3,8 @@
 use super::mesh::Mesh;
 use super::rays::tracer::{LIFT, Tracer};
 
-pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+/// The scalar product.
+pub fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 

@@ -96,7 +96,7 @@ class Interreflection:
     @property
     def channels(self) -> int:
         """1 where all surfaces are grey."""
-        return 1 if np.ptp(self.albedo, axis=1).max(initial=0.0) <= 1 / 1024 else 3
+        return Bounces.channels_of(self.albedo)
 
     @property
     def rays_a_node(self) -> int:
