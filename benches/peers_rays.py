@@ -62,18 +62,7 @@ def texel_blocks(size: int = 64, side: int = 8) -> NDArray[np.float64]:
 
 def rays_of(scene: dl.Scene, bundles: int, blocks: int) -> Rays:
     """A sample of the rays of a scene: every so many bundles, each with every so many blocks of texels."""
-    camera = scene.camera.resized(512, 512)
-    right, up, forward = camera.basis()
-    receivers = _core.Scene(scene.vertices, scene.triangles, scene.material).receivers(
-        position=tuple(camera.position),
-        right=tuple(right),
-        up=tuple(up),
-        forward=tuple(forward),
-        half_height=float(np.tan(np.radians(camera.vertical_fov) / 2)),
-        width=512,
-        height=512,
-        edges=False,
-    )
+    receivers = scene.traced().receivers(scene.camera.resized(512, 512).rays(), edges=False)
     corners = scene.vertices[scene.triangles.ravel()]
     low, high = corners.min(0), corners.max(0)
     scale = 2.0 ** -np.floor(np.log2((high - low).max()))
@@ -83,7 +72,8 @@ def rays_of(scene: dl.Scene, bundles: int, blocks: int) -> Rays:
     weights = receivers.barycentric.astype(np.float64)
     weights = np.column_stack([1 - weights.sum(1), weights])
     origins = np.einsum("rk,rkx->rx", weights, scene.vertices[scene.triangles[receivers.triangle]])
-    origins, normals = (origins - centre) * scale, receivers.normal.astype(np.float64)
+    table = receivers.table(np.zeros((len(receivers), 3), np.float32), np.zeros(len(receivers), np.uint16))
+    origins, normals = (origins - centre) * scale, table.normal.astype(np.float64)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
 
     texels = texel_blocks()

@@ -14,6 +14,7 @@ import time
 from pathlib import Path
 
 import deltalux as dl
+from deltalux.precomputation.preparation import Request
 from deltalux.precomputation.run import Precomputation
 
 
@@ -32,7 +33,7 @@ def main() -> None:
         for name in given.scenes:
             scene = dl.Scene.builtin(name)
             scene = scene.with_camera(scene.camera.resized(width, height))
-            asked = Precomputation(scene, given.columns, given.quality, None)
+            asked = Precomputation(scene, Request(given.columns, given.quality))
             plan = asked.plan
             started = time.perf_counter()
             # The bar's first estimate is `plan.seconds`: it is given nothing else.

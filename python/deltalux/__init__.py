@@ -8,6 +8,7 @@ from .camera import Camera
 from .columns import Haar, SphericalHarmonics
 from .light import sequences
 from .light.environment import Environment
+from .precomputation import views as _views  # noqa: F401, transports are told of what is made of them there
 from .precomputation.run import plan, precompute
 from .relight.compare import Comparison, compare
 from .relight.relighter import Frame, Relighter

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable
-from typing import Final, final
+from typing import Any, Final, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,9 +29,11 @@ __all__ = [
     "TransportWriter",
     "Updater",
     "Bounces",
+    "Camera",
     "Links",
     "NodeRows",
     "Nodes",
+    "Sources",
     "__version__",
     "column_bands",
     "entry_bytes",
@@ -111,18 +113,24 @@ class Scene:
     def nbytes(self) -> int: ...
     @property
     def degenerate(self) -> int: ...
-    def receivers(
-        self,
+    def receivers(self, camera: Camera, *, edges: bool) -> Receivers: ...
+    def vertices(
+        self, triangles: NDArray[np.uint32], *, shading: str, normals: NDArray[np.float32] | None = None
+    ) -> Receivers: ...
+
+@final
+class Camera:
+    def __new__(
+        cls,
         *,
-        position: tuple[float, ...],
-        right: tuple[float, ...],
-        up: tuple[float, ...],
-        forward: tuple[float, ...],
+        position: tuple[float, float, float],
+        right: tuple[float, float, float],
+        up: tuple[float, float, float],
+        forward: tuple[float, float, float],
         half_height: float,
         width: int,
         height: int,
-        edges: bool,
-    ) -> Receivers: ...
+    ) -> Camera: ...
 
 @final
 class Tracer:
@@ -137,22 +145,19 @@ class Receivers:
     @property
     def rays(self) -> int: ...
     @property
-    def pixel(self) -> NDArray[np.uint32]: ...
-    @property
-    def weight(self) -> NDArray[np.float32]: ...
+    def unseen(self) -> int: ...
     @property
     def triangle(self) -> NDArray[np.uint32]: ...
     @property
     def barycentric(self) -> NDArray[np.float32]: ...
     @property
-    def position(self) -> NDArray[np.float32]: ...
+    def corners(self) -> NDArray[np.uint32]: ...
     @property
-    def normal(self) -> NDArray[np.float32]: ...
+    def shown(self) -> NDArray[np.uint32]: ...
     @property
-    def background(self) -> NDArray[np.float32]: ...
-    def table(
-        self, image: tuple[int, int], albedo: NDArray[np.float32], material: NDArray[np.uint16]
-    ) -> ReceiverTable: ...
+    def buried(self) -> int: ...
+    def interpolated(self, corners: NDArray[np.uint32], response: NDArray[np.float32]) -> NDArray[np.float32]: ...
+    def table(self, albedo: NDArray[np.float32], material: NDArray[np.uint16]) -> ReceiverTable: ...
 
 @final
 class DirectPass:
@@ -290,19 +295,7 @@ class Link:
 class Nodes:
     CELL: Final[int]
     @staticmethod
-    def place(
-        scene: Scene,
-        *,
-        position: tuple[float, float, float],
-        right: tuple[float, float, float],
-        up: tuple[float, float, float],
-        forward: tuple[float, float, float],
-        half_height: float,
-        width: int,
-        height: int,
-        share: float,
-        cap: int,
-    ) -> Nodes: ...
+    def place(scene: Scene, rows: Receivers, camera: Camera, *, share: float, cap: int) -> Nodes: ...
     def __len__(self) -> int: ...
     @property
     def rays(self) -> int: ...
@@ -310,6 +303,15 @@ class Nodes:
     def triangle(self) -> NDArray[np.uint32]: ...
     @property
     def barycentric(self) -> NDArray[np.float32]: ...
+
+@final
+class Sources:
+    def __new__(cls, kept: NDArray[np.float64]) -> Sources: ...
+    def __len__(self) -> int: ...
+    def kept(self) -> NDArray[np.float64]: ...
+    def links(
+        self, scene: Scene, receivers: Receivers, *, side: int, audit: float, progress: _Progress = None
+    ) -> Links: ...
 
 @final
 class Bounces:
@@ -322,12 +324,11 @@ class Bounces:
     def channels(self) -> int: ...
     @property
     def rays(self) -> tuple[int, int]: ...
-    def links(
-        self, scene: Scene, receivers: Receivers, *, side: int, audit: float, progress: _Progress = None
-    ) -> Links: ...
+    def sources(self) -> Sources: ...
     def rows(
         self,
         scene: Scene,
+        receivers: Receivers,
         links: Links,
         *,
         columns: str,
@@ -438,6 +439,8 @@ class Transport:
     def second_column_norms(self) -> NDArray[np.float64] | None: ...
     def error_factors(self, mix: NDArray[np.float32] | None = None) -> NDArray[np.float64]: ...
     def tiles(self) -> list[TileData]: ...
+    def nodes(self) -> tuple[str, int, int, int, str, int, list[TileData]] | None: ...
+    def beside(self, name: str) -> dict[str, NDArray[Any]] | None: ...
     def audit(self) -> tuple[NDArray[np.uint32], Transport] | None: ...
     def threshold_for(self, tolerance: float, *, width: str | None = None) -> tuple[float, float, float]: ...
     def truncated(self, threshold: float, *, width: str | None = None) -> Transport: ...
@@ -461,6 +464,7 @@ class TransportWriter:
         first: int = 1,
         link: Link | None = None,
         audit: tuple[NDArray[np.uint32], TileData] | None = None,
+        beside: list[tuple[str, list[tuple[str, NDArray[Any]]]]] = ...,
     ) -> None: ...
 
 @final

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from ._core import Camera as Rays
 from .checks import Vector, as_vector, real_array
 
 LARGEST_PICTURE = 16_384
@@ -144,6 +145,25 @@ class Camera:
         right = np.cross(forward, self.up)
         right /= np.linalg.norm(right)
         return right, np.cross(right, forward), forward
+
+    def rays(self) -> Rays:
+        """The camera as the core shoots its rays.
+
+        Returns
+        -------
+        Rays
+            What receivers and nodes of a scene are found by.
+        """
+        right, up, forward = self.basis()
+        return Rays(
+            position=self.position,
+            right=as_vector(right),
+            up=as_vector(up),
+            forward=as_vector(forward),
+            half_height=float(np.tan(np.radians(self.vertical_fov) / 2)),
+            width=self.width,
+            height=self.height,
+        )
 
     def directions(self) -> np.ndarray:
         """Directions through the pixel centres.

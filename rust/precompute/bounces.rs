@@ -5,8 +5,8 @@
 //!     I = F rho (1 - F rho)^-1 T                       all: Neumann where few terms do, else BiCGStab, to a proved residual
 //! ```
 //!
-//! Rows of what is made: I of every node, and for the nodes that receivers gather from rho (T + I'), their radiosity, with I'
-//! of one bounce less, as gathering is the last one itself. They are truncated like any other transport, block after block of
+//! Rows of what is made: I of every node, and then of every node rho (T + I'), its radiosity, from which receivers gather,
+//! with I' of one bounce less, as gathering is the last one itself. They are truncated like any other transport, block after block of
 //! columns; what T's rows had lost goes through the same sums, which only bring norms together (they are convex), and is added
 //! to what the rows lose.
 
@@ -46,10 +46,10 @@ pub struct Interreflection<'a> {
     pub factors: &'a Counts,
     /// rho: of each node, in red, green and blue.
     pub albedo: &'a [[f32; 3]],
-    /// Nodes whose radiosity is wanted besides.
-    pub radiant: &'a [u32],
     /// Receivers at which the error of nodes is measured.
     pub checks: &'a [Check],
+    /// Light that arrives at those directly: a row each, at the direct rows' quantum.
+    pub arriving: &'a [Tile],
     /// 3 where the albedos are coloured.
     pub channels: Channels,
 }
@@ -66,15 +66,15 @@ pub struct Share {
     pub residual: f64,
     /// Whether BiCGStab was needed.
     pub krylov: bool,
-    /// For each check how far the indirect light that a receiver takes is from what its many rays gather, relative, under
-    /// the light prior. An estimate: it is no part of any bound.
+    /// For each check how far the indirect light that a receiver takes is from what its many rays gather, relative to
+    /// the light of all checks (root mean square), under the light prior. An estimate: it is no part of any bound.
     pub discretisation: Vec<f64>,
 }
 
 impl Interreflection<'_> {
     /// Rows of what is made.
     pub fn rows(&self) -> usize {
-        self.factors.rows() + self.radiant.len()
+        2 * self.factors.rows()
     }
 
     fn operators(&self) -> Vec<Operator<'_>> {
@@ -139,6 +139,9 @@ impl Interreflection<'_> {
         let nodes = self.factors.rows();
         if self.albedo.len() != nodes || direct.iter().map(|tile| tile.rows).sum::<usize>() != nodes {
             return Err(Error::input(format!("expected rows and an albedo for each of {nodes} nodes")));
+        }
+        if self.arriving.iter().map(|tile| tile.rows).sum::<usize>() != self.checks.len() {
+            return Err(Error::input(format!("expected a row for each of {} checks", self.checks.len())));
         }
         if bands.texels > 0 || direct.iter().any(|tile| tile.channels != Channels::One) {
             return Err(Error::input("expected direct rows of one channel without texels"));
@@ -219,9 +222,11 @@ impl Interreflection<'_> {
             unproved.push(errors);
         }
 
-        for (check, sums) in self.checks.iter().zip(told.checks(self.checks.len())) {
+        let arriving = dense(self.arriving, columns.clone(), quantum);
+        let own = self.checks.iter().zip(arriving.chunks_exact(n));
+        for ((check, arriving), sums) in own.zip(told.checks(self.checks.len())) {
             for (channel, indirect) in indirect.iter().enumerate() {
-                self.check(check, channel, &t, indirect, areas, sums);
+                self.check(check, arriving, channel, &t, indirect, areas, sums);
             }
         }
         let local = Bands {
@@ -256,10 +261,12 @@ impl Interreflection<'_> {
         Ok((groups, told))
     }
 
-    /// Adds a block's part to the error of a receiver: squares of what it takes less what it gathers, and of the latter.
+    /// Adds a block's part to the error of a receiver: squares of what it takes less what it gathers, and of all its light.
+    #[allow(clippy::too_many_arguments)]
     fn check(
         &self,
         check: &Check,
+        arriving: &[f32],
         channel: usize,
         t: &[f32],
         indirect: &[Vec<f32>; 2],
@@ -280,7 +287,7 @@ impl Interreflection<'_> {
             let gathered: f64 = check.gathered.iter().map(|&(node, share)| share * radiosity(node, column)).sum();
             let off = taken.sum::<f64>() - gathered;
             sums[0] += off * off * area;
-            sums[1] += gathered * gathered * area;
+            sums[1] += (f64::from(arriving[column]) + gathered).powi(2) * area;
         }
     }
 
@@ -288,10 +295,7 @@ impl Interreflection<'_> {
     fn made(&self, row: usize, channel: usize) -> (usize, f64) {
         match row.checked_sub(self.factors.rows()) {
             None => (row, 1.0),
-            Some(place) => {
-                let node = self.radiant[place] as usize;
-                (node, f64::from(self.albedo[node][channel]))
-            }
+            Some(node) => (node, f64::from(self.albedo[node][channel])),
         }
     }
 
@@ -444,6 +448,7 @@ impl Told {
             sums.for_each(|(sums, own)| (0..2).for_each(|k| sums[k] += own[k]));
         }
         all.products.sort_unstable();
+        let light = all.checks.iter().map(|sums| sums[1]).sum::<f64>() / all.checks.len().max(1) as f64;
         let at = |k: usize| all.products.get(k).copied().unwrap_or(0);
         let count = all.products.len();
         // Norms, not energies: what a bounce is in the light that is seen.
@@ -454,12 +459,11 @@ impl Told {
             products: [at(0), at(count / 2), at(count.saturating_sub(1))],
             residual: all.residual,
             krylov: all.krylov,
-            // What sees next to no surface has no error to speak of.
+            // In the light of all: a corner that next to none reaches has no error to speak of.
             discretisation: all
                 .checks
                 .iter()
-                .filter(|sums| sums[1] > 0.0)
-                .map(|sums| (sums[0] / sums[1]).sqrt())
+                .map(|sums| if light > 0.0 { (sums[0] / light).sqrt() } else { 0.0 })
                 .collect(),
         }
     }

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use crate::error::{Error, Result};
 use crate::sampling::{cosine_directions, mixed};
 use crate::scene::surface::dot;
-use crate::scene::{CELL, Nodes, Points, Surfaces};
+use crate::scene::{CELL, Nodes, Placed, Points, Surfaces};
 use crate::transport::{Slab, Weights};
 
 /// Weights are integers times 2^-8.
@@ -94,17 +94,18 @@ fn counted(found: &[u32]) -> impl Iterator<Item = (u32, u16)> {
 /// F by `side` x `side` cosine rays from each node, spread over the points of its cell.
 pub fn form_factors(
     surfaces: Surfaces,
-    nodes: &Nodes,
+    placed: &Placed,
     side: usize,
     advance: &(dyn Fn(u64) -> Result<()> + Sync),
 ) -> Result<FormFactors> {
+    let Placed { nodes, cells, .. } = placed;
     if !side.is_power_of_two() || side * side > usize::from(u16::MAX) {
         return Err(Error::input(format!("expected rays along a side that are a power of two up to 128, got {side}")));
     }
     let row = |number: usize| -> Result<(Vec<u32>, u64)> {
         advance(1)?;
-        let own = &nodes.cells[number];
-        let directions = cosine_directions(nodes.nodes[number].at.normal, side, mixed(number as u64));
+        let own = &cells[number];
+        let directions = cosine_directions(nodes.nodes[number].normal, side, mixed(number as u64));
         let from = |(k, direction): (usize, [f64; 3])| {
             // Neighbouring strata start from different points.
             let point = &own[(k % side + 2 * (k / side)) % CELL];
@@ -137,10 +138,8 @@ pub struct Gathering {
 
 /// The weights of receivers, and what they are.
 pub struct Links {
-    /// Of receivers: of irradiance at nodes below the number of nodes, and from it on of the radiosity of `radiant` nodes.
+    /// Of receivers: of irradiance at nodes below the number of nodes, and from it on of the radiosity of nodes.
     pub weights: Weights,
-    /// The nodes whose radiosity some receiver gathers, ascending.
-    pub radiant: Vec<u32>,
     /// Rows that gather as too few nodes speak for them, as the audit found them wrong, and as they see few nodes.
     pub unspoken: usize,
     /// See `unspoken`.
@@ -156,6 +155,8 @@ pub struct Links {
 /// A receiver that is looked at closely: the error of nodes is measured at it.
 #[derive(Clone, Debug)]
 pub struct Check {
+    /// Its number.
+    pub receiver: usize,
     /// Its weights of rows of nodes, as `Links::weights` has them.
     pub taken: Vec<(usize, f64)>,
     /// The nodes that its many rays meet, and the share of the rays that each has.
@@ -195,6 +196,9 @@ pub fn links(
     let row = |row: usize, room: &mut Vec<(f32, u32)>| -> (Taken, u64) {
         let origin = receivers.origin[row].map(f64::from);
         let normal = receivers.normal[row].map(f64::from);
+        if normal == [0.0; 3] {
+            return (Taken::Interpolated(Vec::new()), 0);
+        }
         let directions = cosine_directions(normal, side, mixed(row as u64) ^ 1);
         let (found, _) = met(surfaces, nodes, directions.map(|direction| (origin, direction)));
         let (speaking, shot) = interpolation(surfaces, nodes, origin, normal, room);
@@ -223,18 +227,6 @@ pub fn links(
         })
         .collect::<Result<_>>()?;
 
-    let mut radiant: Vec<u32> = Vec::new();
-    for (taken, _) in rows.iter().flatten() {
-        if let Taken::Gathered(from, _) = taken {
-            radiant.extend(from.iter().map(|&(node, _)| node));
-        }
-    }
-    radiant.sort_unstable();
-    radiant.dedup();
-    let mut place = vec![0u32; nodes.len()];
-    for (k, &node) in radiant.iter().enumerate() {
-        place[node as usize] = (nodes.len() + k) as u32;
-    }
     let (mut starts, mut from, mut by) = (vec![0u32], Vec::new(), Vec::new());
     let (mut whys, mut shot) = ([0; 3], 0);
     for (taken, own) in rows.into_iter().flatten() {
@@ -243,7 +235,7 @@ pub fn links(
             Taken::Interpolated(pairs) => pairs,
             Taken::Gathered(pairs, why) => {
                 whys[why as usize] += 1;
-                pairs.into_iter().map(|(node, count)| (place[node as usize], count)).collect()
+                pairs.into_iter().map(|(node, count)| (nodes.len() as u32 + node, count)).collect()
             }
         };
         for (node, weight) in pairs {
@@ -252,22 +244,24 @@ pub fn links(
         }
         starts.push(from.len() as u32);
     }
-    let weights =
-        Weights::new(Slab::from(starts), Slab::from(from), Slab::from(by), EXPONENT, nodes.len() + radiant.len())?;
+    let weights = Weights::new(Slab::from(starts), Slab::from(from), Slab::from(by), EXPONENT, 2 * nodes.len())?;
     let count = CHECKED.min(receivers.len());
     let check = |k: usize| -> Result<Check> {
         advance(0)?;
         let row = (2 * k + 1) * receivers.len() / (2 * count);
         let (origin, normal) = (receivers.origin[row].map(f64::from), receivers.normal[row].map(f64::from));
+        if normal == [0.0; 3] {
+            return Ok(Check { receiver: row, taken: Vec::new(), gathered: Vec::new() });
+        }
         let directions = cosine_directions(normal, CLOSELY, mixed(row as u64) ^ 2);
         let (found, _) = met(surfaces, nodes, directions.map(|direction| (origin, direction)));
         let share = 1.0 / (CLOSELY * CLOSELY) as f64;
         let gathered = counted(&found).map(|(node, count)| (node as usize, f64::from(count) * share));
-        Ok(Check { taken: weights.row(row).collect(), gathered: gathered.collect() })
+        Ok(Check { receiver: row, taken: weights.row(row).collect(), gathered: gathered.collect() })
     };
     let checks = (0..count).into_par_iter().map(check).collect::<Result<Vec<_>>>()?;
     let rays = shot + (count * CLOSELY * CLOSELY) as u64;
-    Ok(Links { weights, radiant, unspoken: whys[0], audited: whys[1], few: whys[2], checks, rays })
+    Ok(Links { weights, unspoken: whys[0], audited: whys[1], few: whys[2], checks, rays })
 }
 
 /// The nodes that speak for a receiver, and the rays it took to find them: integers that sum to `WHOLE`, or nothing where
@@ -283,18 +277,18 @@ fn interpolation(
     let mut asked = 0;
     for number in nodes.several(origin, normal, AROUND, room) {
         let node = &nodes.nodes[number];
-        let apart: [f64; 3] = std::array::from_fn(|k| node.at.place[k] - origin[k]);
+        let apart: [f64; 3] = std::array::from_fn(|k| node.place[k] - origin[k]);
         let distance = dot(apart, apart).sqrt();
-        let alike = dot(node.at.normal, normal) > FACING
+        let alike = dot(node.normal, normal) > FACING
             && distance < ALONG * node.spacing
-            && dot(apart, node.at.normal).abs() < OFF * node.spacing;
+            && dot(apart, node.normal).abs() < OFF * node.spacing;
         if !alike {
             continue;
         }
         asked += 1;
         let lift = LIFTED * distance;
         let from = std::array::from_fn(|k| origin[k] + lift * normal[k]);
-        let to = std::array::from_fn(|k| node.at.origin[k] + lift * node.at.normal[k]);
+        let to = std::array::from_fn(|k| node.origin[k] + lift * node.normal[k]);
         shot += 1;
         if surfaces.see(from, to) {
             speaking.push(((distance / node.spacing + 0.05).powi(-2), number as u32));

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use crate::basis::ColumnSpace;
 use crate::error::Result;
 use crate::scene::rays::Tracer;
-use crate::scene::{CELL, Nodes};
+use crate::scene::{CELL, Placed};
 use crate::transport::{GROUP, Rows16};
 
 use super::direct::{DirectPass, Room as DirectRoom};
@@ -30,9 +30,9 @@ pub struct Room {
 
 impl NodePass {
     /// Refuses what the direct pass does.
-    pub fn new(tracer: Arc<Tracer>, nodes: &Nodes, space: ColumnSpace, edge_side: usize) -> Result<Self> {
-        let direct = DirectPass::new(tracer, nodes.cell_points(GROUP), space, edge_side)?;
-        let shape = Shape { rows: nodes.len(), ..direct.shape().clone() };
+    pub fn new(tracer: Arc<Tracer>, placed: &Placed, space: ColumnSpace, edge_side: usize) -> Result<Self> {
+        let direct = DirectPass::new(tracer, placed.cell_points(GROUP), space, edge_side)?;
+        let shape = Shape { rows: placed.nodes.len(), ..direct.shape().clone() };
         Ok(NodePass { direct, shape })
     }
 }

@@ -65,7 +65,10 @@ pub(super) fn table<'py>(py: Python<'py>, colours: Vec<[f64; 3]>) -> PyResult<Bo
 }
 
 /// A copy of rows of N numbers as an (n, N) array.
-pub(super) fn rows_of<const N: usize>(py: Python<'_>, items: &[[f32; N]]) -> PyResult<Py<PyArray2<f32>>> {
+pub(super) fn rows_of<T: numpy::Element + Copy, const N: usize>(
+    py: Python<'_>,
+    items: &[[T; N]],
+) -> PyResult<Py<PyArray2<T>>> {
     Ok(PyArray1::from_slice(py, items.as_flattened()).reshape([items.len(), N])?.unbind())
 }
 

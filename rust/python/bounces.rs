@@ -6,17 +6,20 @@ use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 
 use crate::error::Error;
-use crate::precompute::{self as core, FormFactors, Gathering, Interreflection, NodePass, Pass, form_factors, tile};
-use crate::scene::{CELL, Camera, Nodes as Placed, Spacing};
+use crate::precompute::{
+    self as core, DirectPass, FormFactors, Gathering, Interreflection, NodePass, Pass, form_factors, tile,
+};
+use crate::scene::{self as core_scene, CELL, Node, Placed, Spacing, Wanted};
 use crate::transport::entry::Channels;
 use crate::transport::{MAX_TILE_ROWS, Tile, Truncation};
 
 use super::arrays::{rows_of, to_vec_of_rows};
-use super::interruptible;
 use super::pieces::{Link, TileData};
-use super::scene::{Receivers, Scene};
+use super::rows::{Camera, Receivers};
+use super::scene::Scene;
+use super::{compute, interruptible};
 
-/// Nodes of a scene.
+/// Nodes of a scene, just placed.
 #[pyclass(frozen, module = "deltalux._core")]
 pub(super) struct Nodes {
     placed: Arc<Placed>,
@@ -28,39 +31,32 @@ pub(super) struct Nodes {
 
 #[pymethods]
 impl Nodes {
-    /// Places nodes where a camera sees surfaces and where those see others: at `share` of the distance to other surfaces,
-    /// at most `cap` of them.
+    /// Places nodes where a camera sees surfaces, or where there is none around the vertices that rows are; and where
+    /// those see others: at `share` of the distance to other surfaces, at most `cap` of them.
     #[staticmethod]
-    #[pyo3(signature = (scene, *, position, right, up, forward, half_height, width, height, share, cap))]
-    #[allow(clippy::too_many_arguments)]
+    #[pyo3(signature = (scene, rows, camera, *, share, cap))]
     fn place(
         py: Python<'_>,
         scene: &Bound<'_, Scene>,
-        position: [f64; 3],
-        right: [f64; 3],
-        up: [f64; 3],
-        forward: [f64; 3],
-        half_height: f64,
-        width: usize,
-        height: usize,
+        rows: &Bound<'_, Receivers>,
+        camera: &Bound<'_, Camera>,
         share: f64,
         cap: usize,
     ) -> PyResult<Nodes> {
-        let camera = Camera { position, right, up, forward, half_height, width, height };
-        let scene = scene.get();
+        let (scene, rows, camera) = (scene.get(), rows.get(), camera.get());
+        let wanted = rows.vertices().map_or(Wanted::Seen(&camera.0), Wanted::Everywhere);
         let placed = interruptible(py, None, |watch| {
-            camera.check()?;
-            Placed::place(scene.surfaces(), &camera, Spacing { share, cap }, &|| watch.advance(1))
+            Placed::place(scene.surfaces(), wanted, Spacing { share, cap }, &|| watch.advance(1))
         })?;
         let points = || placed.cells.iter().flatten();
-        let source = points().map(|point| scene.source(point.triangle)).collect();
+        let source = points().map(|point| scene.surfaces().mesh.source[point.triangle as usize]).collect();
         let barycentric = points().map(|point| point.barycentric).collect();
         Ok(Nodes { source, barycentric, placed: Arc::new(placed) })
     }
 
     /// How many there are.
     fn __len__(&self) -> usize {
-        self.placed.len()
+        self.placed.nodes.len()
     }
 
     /// Points of each node's cell.
@@ -86,6 +82,94 @@ impl Nodes {
     }
 }
 
+/// Nodes as receivers take from them: what is kept beside a transport, so that other views can.
+#[pyclass(frozen, module = "deltalux._core")]
+pub(super) struct Sources {
+    nodes: core_scene::Nodes,
+    /// The mean colour of each, and the mean albedo that its own rays meet.
+    albedo: Vec<f64>,
+    seen: Vec<f64>,
+}
+
+/// Numbers of a node as they are kept: place, normal, origin, spacing, reach, albedo and what it sees.
+const KEPT: usize = 13;
+
+impl Sources {
+    /// Of nodes that were placed, with the form factors between them.
+    fn new(placed: &Placed, albedo: Vec<f64>, factors: &FormFactors) -> Self {
+        let counts = &factors.counts;
+        let of = |row: usize| counts.row(row).map(|(node, share)| share * albedo[node]).sum();
+        let seen = (0..counts.rows()).map(of).collect();
+        Sources { nodes: core_scene::Nodes::new(placed.nodes.nodes.clone()), albedo, seen }
+    }
+}
+
+#[pymethods]
+impl Sources {
+    /// From what `kept` gave: (nodes, 13) float64.
+    #[new]
+    fn kept_before(py: Python<'_>, kept: PyReadonlyArray2<'_, f64>) -> PyResult<Self> {
+        let kept = kept.as_array();
+        if kept.ncols() != KEPT || kept.iter().any(|x| !x.is_finite()) {
+            return Err(Error::input(format!("expected {KEPT} finite numbers a node, got {:?}", kept.shape())).into());
+        }
+        let rows: Vec<[f64; KEPT]> = kept.rows().into_iter().map(|row| std::array::from_fn(|k| row[k])).collect();
+        compute(py, || {
+            let three = |row: &[f64; KEPT], at: usize| [row[at], row[at + 1], row[at + 2]];
+            let node = |row: &[f64; KEPT]| Node {
+                place: three(row, 0),
+                normal: three(row, 3),
+                origin: three(row, 6),
+                spacing: row[9],
+                reach: row[10],
+            };
+            let nodes = core_scene::Nodes::new(rows.iter().map(node).collect());
+            let of = |at: usize| rows.iter().map(|row| row[at]).collect();
+            Ok(Sources { nodes, albedo: of(11), seen: of(12) })
+        })
+    }
+
+    /// All that is known of them, (nodes, 13) float64, in the normalised scene.
+    fn kept(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f64>>> {
+        let row = |(number, node): (usize, &Node)| {
+            let Node { place, normal, origin, spacing, reach } = node;
+            let mut row = [0.0; KEPT];
+            row[..3].copy_from_slice(place);
+            row[3..6].copy_from_slice(normal);
+            row[6..9].copy_from_slice(origin);
+            row[9..].copy_from_slice(&[*spacing, *reach, self.albedo[number], self.seen[number]]);
+            row
+        };
+        let rows: Vec<[f64; KEPT]> = self.nodes.nodes.iter().enumerate().map(row).collect();
+        rows_of(py, &rows)
+    }
+
+    /// How many there are.
+    fn __len__(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// Links receivers to the nodes by `side` x `side` rays each; `audit`: the error of the albedo seen that makes a row
+    /// gather.
+    #[pyo3(signature = (scene, receivers, *, side, audit, progress = None))]
+    fn links(
+        &self,
+        py: Python<'_>,
+        scene: &Bound<'_, Scene>,
+        receivers: &Bound<'_, Receivers>,
+        side: usize,
+        audit: f64,
+        progress: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Links> {
+        let (scene, points) = (scene.get(), receivers.get().points());
+        let links = interruptible(py, progress, |watch| {
+            let (gathering, advance) = (Gathering { side, audit }, |done| watch.advance(done));
+            core::links(scene.surfaces(), &self.nodes, &points, gathering, &self.albedo, &self.seen, &advance)
+        })?;
+        Ok(Links { links })
+    }
+}
+
 /// What is between nodes of known albedo, and between them and receivers.
 #[pyclass(frozen, module = "deltalux._core")]
 pub(super) struct Bounces {
@@ -101,13 +185,12 @@ impl Bounces {
         self.albedo[node].iter().map(|&x| f64::from(x)).sum::<f64>() / 3.0
     }
 
-    fn interreflection<'a>(&'a self, links: &'a core::Links) -> Interreflection<'a> {
-        let core::Links { radiant, checks, .. } = links;
+    fn interreflection<'a>(&'a self, links: &'a core::Links, arriving: &'a [Tile]) -> Interreflection<'a> {
         Interreflection {
             factors: &self.factors.counts,
             albedo: &self.albedo,
-            radiant,
-            checks,
+            checks: &links.checks,
+            arriving,
             channels: self.channels,
         }
     }
@@ -143,7 +226,7 @@ impl Bounces {
         progress: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let (scene, placed) = (scene.get(), Arc::clone(&nodes.get().placed));
-        let albedo = to_vec_of_rows("albedo", &albedo, placed.len())?;
+        let albedo = to_vec_of_rows("albedo", &albedo, placed.nodes.len())?;
         let albedo = albedo.as_chunks::<3>().0.to_vec();
         if albedo.as_flattened().iter().any(|rho| !(rho.is_finite() && *rho >= 0.0)) {
             return Err(Error::input("expected finite albedos of at least 0").into());
@@ -172,44 +255,27 @@ impl Bounces {
     /// Rays shot, and those that met a surface for which no node speaks.
     #[getter]
     fn rays(&self) -> (u64, u64) {
-        (u64::from(self.factors.counts.rays) * self.placed.len() as u64, self.factors.lost)
+        (u64::from(self.factors.counts.rays) * self.placed.nodes.len() as u64, self.factors.lost)
     }
 
-    /// Links receivers to the nodes by `side` x `side` rays each; `audit`: the error of the albedo seen that makes a row
-    /// gather.
-    #[pyo3(signature = (scene, receivers, *, side, audit, progress = None))]
-    fn links(
-        &self,
-        py: Python<'_>,
-        scene: &Bound<'_, Scene>,
-        receivers: &Bound<'_, Receivers>,
-        side: usize,
-        audit: f64,
-        progress: Option<&Bound<'_, PyAny>>,
-    ) -> PyResult<Links> {
-        let (scene, points) = (scene.get(), receivers.get().points());
-        let albedo: Vec<f64> = (0..self.albedo.len()).map(|node| self.mean(node)).collect();
-        let counts = &self.factors.counts;
-        let seen: Vec<f64> =
-            (0..counts.rows()).map(|row| counts.row(row).map(|(node, share)| share * albedo[node]).sum()).collect();
-        let links = interruptible(py, progress, |watch| {
-            let gathering = Gathering { side, audit };
-            core::links(scene.surfaces(), &self.placed, &points, gathering, &albedo, &seen, &|done| watch.advance(done))
-        })?;
-        Ok(Links { links })
+    /// The nodes as receivers take from them.
+    fn sources(&self) -> Sources {
+        let albedo = (0..self.albedo.len()).map(|node| self.mean(node)).collect();
+        Sources::new(&self.placed, albedo, &self.factors)
     }
 
     /// The nodes' rows: tiles, their rows, their quantum, and what solving took.
     ///
     /// `bounces`: how many, or None for all, to `residual`. `threshold`: of the receivers; nodes have finer ones.
     #[pyo3(signature = (
-        scene, links, *, columns, edge_side, bounces, residual, threshold, quantum, width, progress = None
+        scene, receivers, links, *, columns, edge_side, bounces, residual, threshold, quantum, width, progress = None
     ))]
     #[allow(clippy::too_many_arguments)]
     fn rows(
         &self,
         py: Python<'_>,
         scene: &Bound<'_, Scene>,
+        receivers: &Bound<'_, Receivers>,
         links: &Links,
         columns: &str,
         edge_side: usize,
@@ -223,26 +289,29 @@ impl Bounces {
         let space = columns.parse()?;
         let width = width.parse()?;
         let bounces = bounces.map_or(core::Bounces::All(residual), core::Bounces::Count);
-        let tracer = scene.get().tracer();
-        let (tiles, share, quantum, rays) = interruptible(py, progress, |watch| {
-            let pass = NodePass::new(tracer, &self.placed, space, edge_side)?;
+        let (tracer, receivers) = (scene.get().tracer(), receivers.get().points());
+        let (rows, tiles, share, quantum, rays) = interruptible(py, progress, |watch| {
+            let pass = NodePass::new(Arc::clone(&tracer), &self.placed, space, edge_side)?;
             let bands = pass.shape().bands.clone();
             let fine = Truncation::new(&bands, DIRECT * threshold, quantum, crate::transport::Width::I16)?;
             let (mut direct, mut rays): (Vec<Tile>, _) = (Vec::new(), core::Rays::default());
-            for first in (0..self.placed.len()).step_by(MAX_TILE_ROWS) {
-                let rows = first..self.placed.len().min(first + MAX_TILE_ROWS);
+            for first in (0..self.placed.nodes.len()).step_by(MAX_TILE_ROWS) {
+                let rows = first..self.placed.nodes.len().min(first + MAX_TILE_ROWS);
                 let (made, shot) = tile(&pass, rows, std::slice::from_ref(&fine), &|rows| watch.advance(rows))?;
                 direct.extend(made);
                 rays = rays.plus(shot);
             }
-            let between = self.interreflection(&links.links);
+            let checked = Arc::new(receivers.some(links.links.checks.iter().map(|check| check.receiver)));
+            let looked = DirectPass::new(tracer, checked, space, edge_side)?;
+            let (arriving, shot) = tile(&looked, 0..looked.shape().rows, std::slice::from_ref(&fine), &|_| Ok(()))?;
+            let rays = rays.plus(shot);
+            let between = self.interreflection(&links.links, &arriving);
             let own = between.quantum(&direct, &bands, bounces, quantum)?;
             let rule = Truncation::new(&bands, INDIRECT * threshold, own, width)?;
             let (tiles, share) =
                 between.solve(&direct, &bands, quantum, bounces, &rule, &|columns| watch.advance(columns))?;
-            Ok((tiles, share, own, rays))
+            Ok((between.rows(), tiles, share, own, rays))
         })?;
-        let rows = self.interreflection(&links.links).rows();
         Ok(NodeRows {
             tiles: tiles.into_iter().map(TileData).map(|tile| Py::new(py, tile)).collect::<PyResult<_>>()?,
             rows,
@@ -319,6 +388,7 @@ impl Links {
 /// Adds what this file has for Python to the module.
 pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Nodes>()?;
+    module.add_class::<Sources>()?;
     module.add_class::<Bounces>()?;
     module.add_class::<NodeRows>()?;
     module.add_class::<Links>()

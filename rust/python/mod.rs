@@ -1,6 +1,7 @@
 //! The boundary to Python: convert, check, detach, compute, convert back; nothing else. One file a room or class.
 
 mod arrays;
+mod beside;
 mod bounces;
 mod harmonics;
 mod interrupt;
@@ -8,6 +9,7 @@ mod light;
 mod pieces;
 mod receivers;
 mod relight;
+mod rows;
 mod scene;
 mod tracer;
 mod transport;
@@ -56,6 +58,7 @@ fn core_module(module: &Bound<'_, PyModule>) -> PyResult<()> {
     harmonics::register(module)?;
     relight::register(module)?;
     scene::register(module)?;
+    rows::register(module)?;
     bounces::register(module)?;
     tracer::register(module)?;
     Ok(())

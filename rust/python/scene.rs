@@ -2,19 +2,19 @@
 
 use std::sync::Arc;
 
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::precompute::{DirectPass as Direct, Pass, probe, survey, tile};
 use crate::scene::rays::Tracer;
-use crate::scene::{Camera, Mesh, PixelSampling, Points, Receivers as Rows, Surfaces};
-use crate::transport::{Measure, ReceiverKind, ReceiverTable as Table, Truncation};
+use crate::scene::{Faces, Mesh, PixelSampling, Receivers as Rows, Shading, Surfaces, Vertices};
+use crate::transport::{Measure, Truncation};
 
-use super::arrays::{rows_of, to_vec, to_vec_of_rows, vectors};
+use super::arrays::vectors;
 use super::pieces::TileData;
-use super::receivers::ReceiverTable;
+use super::rows::{Camera, Receivers};
 use super::{abandonable, compute, interruptible};
 
 /// A scene's triangles, ready for rays.
@@ -37,16 +37,6 @@ impl Scene {
     /// The trees over them.
     pub(super) fn tracer(&self) -> Arc<Tracer> {
         Arc::clone(&self.tracer)
-    }
-
-    /// The user's number of a triangle.
-    pub(super) fn source(&self, triangle: u32) -> u32 {
-        self.mesh.source[triangle as usize]
-    }
-
-    /// A point of the normalised scene in the user's space.
-    pub(super) fn world(&self, place: [f64; 3]) -> [f32; 3] {
-        std::array::from_fn(|k| (place[k] / self.mesh.scale + self.mesh.centre[k]) as f32)
     }
 }
 
@@ -87,126 +77,42 @@ impl Scene {
     }
 
     /// The rows of M for a camera: what each pixel shows. `edges` resolves pixels that show several surfaces.
-    #[pyo3(signature = (*, position, right, up, forward, half_height, width, height, edges))]
-    #[allow(clippy::too_many_arguments)]
-    fn receivers(
-        &self,
-        py: Python<'_>,
-        position: [f64; 3],
-        right: [f64; 3],
-        up: [f64; 3],
-        forward: [f64; 3],
-        half_height: f64,
-        width: usize,
-        height: usize,
-        edges: bool,
-    ) -> PyResult<Receivers> {
-        let camera = Camera { position, right, up, forward, half_height, width, height };
+    #[pyo3(signature = (camera, *, edges))]
+    fn receivers(&self, py: Python<'_>, camera: &Camera, edges: bool) -> PyResult<Receivers> {
         let sampling = if edges { PixelSampling::Edges } else { PixelSampling::Centre };
         let rows = interruptible(py, None, |watch| {
-            camera.check()?;
-            Rows::of_pixels(self.surfaces(), &self.material, &camera, sampling, &|| watch.advance(1))
+            Rows::of_pixels(self.surfaces(), &self.material, &camera.0, sampling, &|| watch.advance(1))
         })?;
-        let source = rows.triangle.iter().map(|&triangle| self.source(triangle)).collect();
-        let position = rows.points.origin.iter().map(|origin| self.world(origin.map(f64::from)));
-        Ok(Receivers { position: position.collect(), source, rows: Arc::new(rows) })
-    }
-}
-
-/// Rows of M: pixel samples on surfaces.
-#[pyclass(frozen, module = "deltalux._core")]
-pub(crate) struct Receivers {
-    /// What the pass goes by.
-    rows: Arc<Rows>,
-    /// The user's number of each row's triangle.
-    source: Vec<u32>,
-    /// In the user's space.
-    position: Vec<[f32; 3]>,
-}
-
-impl Receivers {
-    /// Where the rows' rays start.
-    pub(super) fn points(&self) -> Arc<Points> {
-        Arc::clone(&self.rows.points)
-    }
-}
-
-#[pymethods]
-impl Receivers {
-    /// The number of rows.
-    fn __len__(&self) -> usize {
-        self.rows.len()
+        Ok(Receivers::of_pixels(&self.mesh, &camera.0, rows))
     }
 
-    /// Primary rays shot to find them.
-    #[getter]
-    fn rays(&self) -> u64 {
-        self.rows.rays
-    }
-
-    /// The pixel that each row adds to, row-major, (rows,) uint32.
-    #[getter]
-    fn pixel(&self, py: Python<'_>) -> Py<PyArray1<u32>> {
-        PyArray1::from_slice(py, &self.rows.pixel).unbind()
-    }
-
-    /// The share of its pixel that each row is, (rows,) float32.
-    #[getter]
-    fn weight(&self, py: Python<'_>) -> Py<PyArray1<f32>> {
-        PyArray1::from_slice(py, &self.rows.weight).unbind()
-    }
-
-    /// The user's number of each row's triangle, (rows,) uint32.
-    #[getter]
-    fn triangle(&self, py: Python<'_>) -> Py<PyArray1<u32>> {
-        PyArray1::from_slice(py, &self.source).unbind()
-    }
-
-    /// Weights of the triangle's corners 1 and 2 at the point, (rows, 2) float32.
-    #[getter]
-    fn barycentric(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f32>>> {
-        rows_of(py, &self.rows.barycentric)
-    }
-
-    /// The points in the user's space, lifted off their surface, (rows, 3) float32.
-    #[getter]
-    fn position(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f32>>> {
-        rows_of(py, &self.position)
-    }
-
-    /// Unit geometric normals towards the camera, (rows, 3) float32.
-    #[getter]
-    fn normal(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f32>>> {
-        rows_of(py, &self.rows.points.normal)
-    }
-
-    /// Share of each pixel in which nothing is seen, (height * width,).
-    #[getter]
-    fn background(&self, py: Python<'_>) -> Py<PyArray1<f32>> {
-        PyArray1::from_slice(py, &self.rows.background).unbind()
-    }
-
-    /// The rows of a transport of an image (height, width): with what the materials say of each, albedo (rows, 3) float32
-    /// and material (rows,) uint16.
-    fn table(
+    /// The rows of M at the vertices of the user's triangles (t, 3): with normals that are "smooth", those of vertices
+    /// (v, 3) float32 where they are given, or "flat".
+    #[pyo3(signature = (triangles, *, shading, normals = None))]
+    fn vertices(
         &self,
-        image: (usize, usize),
-        albedo: PyReadonlyArray2<'_, f32>,
-        material: PyReadonlyArray1<'_, u16>,
-    ) -> PyResult<ReceiverTable> {
-        let rows = &self.rows;
-        Ok(ReceiverTable::checked(Table {
-            albedo: to_vec_of_rows("albedo", &albedo, rows.len())?.into(),
-            position: self.position.as_flattened().to_vec().into(),
-            normal: rows.points.normal.as_flattened().to_vec().into(),
-            material: Some(to_vec(&material).into()),
-            kind: ReceiverKind::Pixels {
-                image: [image.0, image.1],
-                pixel: rows.pixel.clone().into(),
-                weight: rows.weight.clone().into(),
-                background: rows.background.clone().into(),
-            },
-        })?)
+        py: Python<'_>,
+        triangles: PyReadonlyArray2<'_, u32>,
+        shading: &str,
+        normals: Option<PyReadonlyArray2<'_, f32>>,
+    ) -> PyResult<Receivers> {
+        let shading = match shading {
+            "smooth" => Shading::Smooth,
+            "flat" => Shading::Flat,
+            other => return Err(Error::input(format!("expected normals \"smooth\" or \"flat\", got {other:?}")).into()),
+        };
+        let triangles = vectors("triangles", &triangles)?;
+        let normals = normals.map(|normals| vectors("normals", &normals)).transpose()?;
+        let count = normals.as_ref().map_or(u32::MAX, |normals| normals.len() as u32);
+        if triangles.len() != self.material.len() || triangles.as_flattened().iter().any(|&vertex| vertex >= count) {
+            let expected = self.material.len();
+            return Err(Error::input(format!("expected {expected} triangles and a normal for each vertex")).into());
+        }
+        let rows = interruptible(py, None, |watch| {
+            let faces = Faces { triangles: &triangles, material: &self.material, normals: normals.as_deref() };
+            Vertices::of_mesh(self.surfaces(), faces, shading, &|| watch.advance(1))
+        })?;
+        Ok(Receivers::of_vertices(&self.mesh, rows))
     }
 }
 
@@ -247,7 +153,7 @@ impl DirectPass {
         columns: &str,
         edge_side: usize,
     ) -> PyResult<Self> {
-        let (tracer, points) = (scene.get().tracer.clone(), receivers.get().rows.points.clone());
+        let (tracer, points) = (scene.get().tracer(), receivers.get().points());
         let space = columns.parse()?;
         compute(py, || Ok(DirectPass(Direct::new(tracer, points, space, edge_side)?)))
     }
@@ -344,7 +250,6 @@ impl DirectPass {
 /// Adds what this file has for Python to the module.
 pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Scene>()?;
-    module.add_class::<Receivers>()?;
     module.add_class::<DirectPass>()?;
     module.add_class::<Looked>()?;
     Ok(())

@@ -9,6 +9,7 @@ use numpy::{
 };
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
 use crate::basis::ColumnSpace;
 use crate::error::{Error, Result};
@@ -20,6 +21,7 @@ use crate::transport::{
 use crate::update::{Chain, Mix};
 
 use super::arrays::vectors;
+use super::beside::arrays_beside;
 use super::pieces::{Link, TileData};
 use super::receivers::ReceiverTable;
 use super::{compute, interruptible};
@@ -275,6 +277,11 @@ impl Transport {
         Ok(self.file()?.manifest.files.iter().map(|entry| (entry.name.clone(), entry.bytes)).collect())
     }
 
+    /// What lies beside the product under a name, "scene" or "nodes": arrays by their names; None where nothing does.
+    fn beside<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Option<Bound<'py, PyDict>>> {
+        arrays_beside(py, &self.file()?.beside, name)
+    }
+
     /// Norm of each stored row in each band (and channel), (rows, bands * channels) float32, rounded up.
     fn kept(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f32>>> {
         self.norms(py, |tile| &tile.kept)
@@ -374,6 +381,18 @@ impl Transport {
     fn error_factors(&self, py: Python<'_>, mix: Option<PyReadonlyArray2<'_, f32>>) -> PyResult<Py<PyArray1<f64>>> {
         let mix = mix.map(|mix| mix_of(&mix)).transpose()?;
         Ok(compute(py, || Ok(self.chain.error_factors(mix.as_ref())))?.into_pyarray(py).unbind())
+    }
+
+    /// The nodes' part where there are nodes: columns, rows, channels, quantum, width, tile_rows and tiles, for a writer.
+    /// Nothing is copied.
+    #[allow(clippy::type_complexity)]
+    fn nodes(&self) -> Option<(String, usize, usize, i32, &'static str, usize, Vec<TileData>)> {
+        let (core::Link::Weights(_), [_, nodes]) = (&self.product().link, self.product().first.as_slice()) else {
+            return None;
+        };
+        let tiles = nodes.tiles.iter().cloned().map(TileData).collect();
+        let TransportMatrix { space, rows, channels, quantum, tile_rows, .. } = **nodes;
+        Some((space.to_string(), rows, channels.count(), quantum, width_of(nodes).name(), tile_rows, tiles))
     }
 
     /// The tiles of the receivers' matrix, for a writer. Nothing is copied.

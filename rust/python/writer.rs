@@ -10,6 +10,7 @@ use crate::error::{Error, Result};
 use crate::transport::{self as core, Audit, Channels, Description, Part, Tile, Writer};
 
 use super::arrays::to_vec;
+use super::beside::beside_of;
 use super::pieces::{Link, TileData};
 use super::receivers::ReceiverTable;
 use super::{compute, compute_on, look_at};
@@ -50,8 +51,9 @@ impl TransportWriter {
     /// Writes the receivers, the audit and the manifest, checks everything, and puts the result in its place.
     ///
     /// parts: (name, columns, rows, channels, quantum, width, tile_rows) in the order of the chain, of which `first` are the
-    /// first stage; link: what leads on from it; audit: (groups (n,) uint32, one tile of 16 n rows in 16 bits).
-    #[pyo3(signature = (*, parts, receivers, plan, scene, camera = None, first = 1, link = None, audit = None))]
+    /// first stage; link: what leads on from it; audit: (groups (n,) uint32, one tile of 16 n rows in 16 bits); beside:
+    /// for "scene" and "nodes" arrays of float64, float32 or uint32 by their names.
+    #[pyo3(signature = (*, parts, receivers, plan, scene, camera = None, first = 1, link = None, audit = None, beside = Vec::new()))]
     #[allow(clippy::too_many_arguments)]
     fn finish(
         &self,
@@ -64,6 +66,7 @@ impl TransportWriter {
         first: usize,
         link: Option<&Link>,
         audit: Option<(PyReadonlyArray1<'_, u32>, Py<TileData>)>,
+        beside: Vec<(String, Vec<(String, Bound<'_, PyAny>)>)>,
     ) -> PyResult<()> {
         let part = |(name, columns, rows, channels, quantum, width, tile_rows): PartTuple| {
             Ok(Part {
@@ -76,6 +79,7 @@ impl TransportWriter {
                 tile_rows,
             })
         };
+        let beside = beside.into_iter().map(|(name, arrays)| beside_of(&name, arrays)).collect::<PyResult<Vec<_>>>()?;
         let about = Description {
             parts: parts.into_iter().map(part).collect::<Result<_>>()?,
             first,
@@ -83,6 +87,7 @@ impl TransportWriter {
             camera,
             plan,
             scene,
+            beside,
         };
         let table = &receivers.get().0;
         let audit = audit.map(|(groups, tile)| Audit { groups: to_vec(&groups).into(), tile: tile.get().0.clone() });

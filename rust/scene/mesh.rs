@@ -79,6 +79,38 @@ impl Mesh {
         std::array::from_fn(|axis| ((point[axis] - self.centre[axis]) * self.scale) as f32)
     }
 
+    /// The place of a point of a triangle, by the weights of its corners 1 and 2.
+    pub fn place(&self, triangle: usize, barycentric: [f32; 2]) -> [f64; 3] {
+        let [b1, b2] = barycentric.map(f64::from);
+        let corners = self.corners[triangle].map(|corner| corner.map(f64::from));
+        std::array::from_fn(|k| {
+            corners[0][k] + b1 * (corners[1][k] - corners[0][k]) + b2 * (corners[2][k] - corners[0][k])
+        })
+    }
+
+    /// The area of a triangle, in normalised units.
+    pub fn area(&self, triangle: usize) -> f64 {
+        let corners = self.corners[triangle].map(|corner| corner.map(f64::from));
+        let n = cross(sub(corners[1], corners[0]), sub(corners[2], corners[0]));
+        0.5 * (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt()
+    }
+
+    /// The largest extent of the box around them, in normalised units: from 1 to 2.
+    pub fn extent(&self) -> f64 {
+        2.0 * self.corners.iter().flatten().flatten().fold(0.0f64, |most, &x| most.max(f64::from(x).abs()))
+    }
+
+    /// A point of the normalised scene in the user's space.
+    pub fn world(&self, place: [f64; 3]) -> [f32; 3] {
+        std::array::from_fn(|axis| (place[axis] / self.scale + self.centre[axis]) as f32)
+    }
+
+    /// Whether a normal is that of the back of a triangle.
+    pub fn is_back(&self, triangle: u32, normal: [f32; 3]) -> bool {
+        let front = self.normal(triangle as usize);
+        (0..3).map(|axis| front[axis] * f64::from(normal[axis])).sum::<f64>() < 0.0
+    }
+
     /// The unit geometric normal of a triangle, by the order of its corners.
     pub fn normal(&self, triangle: usize) -> [f64; 3] {
         let corners = self.corners[triangle].map(|corner| corner.map(f64::from));

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //!     candidates   what the camera sees, and what a ray each from there meets
+//!                  (or all vertices, and samples of all surfaces)
 //!     R            harmonic mean distance of what a candidate sees around it (Ward, Rubinstein and Clear 1988)
 //!     r            a R, between 3 and 37 pixels of a picture of 512 lines
 //!     nodes        candidates in the order of a hash, each unless one of its side lies within r of it
@@ -15,9 +16,10 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::camera::Camera;
+use super::curve::{along_curve, facing};
 use super::near::Near;
-use super::receivers::along_curve;
 use super::surface::{Point, Points, Surfaces, dot};
+use super::vertices::Vertices;
 use crate::error::{Error, Result};
 use crate::sampling::{cosine_directions, frame, jitter, mixed};
 
@@ -56,24 +58,46 @@ pub struct Spacing {
 /// A node.
 #[derive(Clone, Copy, Debug)]
 pub struct Node {
-    /// The point itself.
-    pub at: Point,
+    /// In the normalised scene, on a surface.
+    pub place: [f64; 3],
+    /// Unit geometric normal of the side that is meant.
+    pub normal: [f64; 3],
+    /// Where rays from it start: off the surface.
+    pub origin: [f64; 3],
     /// As far as it stands for its surroundings.
     pub spacing: f64,
     /// The largest spacing that there could be here.
-    reach: f64,
+    pub reach: f64,
 }
 
 /// The nodes of a scene, along a curve: neighbours in the list are near each other and face alike.
 pub struct Nodes {
     /// One after the other.
     pub nodes: Vec<Node>,
+    near: Near,
+}
+
+/// Nodes as they were placed.
+pub struct Placed {
+    /// The nodes.
+    pub nodes: Nodes,
     /// `CELL` points of each, over which light that arrives directly is averaged.
     pub cells: Vec<[Point; CELL]>,
     /// Rays shot to place them.
     pub rays: u64,
-    near: Near,
 }
+
+/// Where light between surfaces is wanted, and how finely.
+#[derive(Clone, Copy)]
+pub enum Wanted<'a> {
+    /// Where a camera sees surfaces: in its pixels.
+    Seen(&'a Camera),
+    /// On all surfaces that lie open: in the size of their triangles, and at these vertices anyway.
+    Everywhere(&'a Vertices),
+}
+
+/// Samples of all surfaces, evenly spread, where no camera says what matters.
+const SAMPLES: usize = 1 << 16;
 
 /// A point that may become a node.
 struct Candidate {
@@ -83,73 +107,179 @@ struct Candidate {
     order: u64,
 }
 
-impl Nodes {
-    /// Places nodes where a camera sees surfaces, and where those see others. `advance` hears of work done, and may stop it.
+/// Who says where candidates are.
+struct Looking<'a> {
+    surfaces: Surfaces<'a>,
+    wanted: Wanted<'a>,
+    /// Of pictures: the eye and the size of a pixel at distance 1. Of all surfaces: the sums of areas up to each triangle.
+    eye: [f64; 3],
+    pixel: f64,
+    columns: usize,
+    areas: Vec<f64>,
+}
+
+impl<'a> Looking<'a> {
+    fn new(surfaces: Surfaces<'a>, wanted: Wanted<'a>) -> Self {
+        let mut own = Looking { surfaces, wanted, eye: [0.0; 3], pixel: 0.0, columns: 0, areas: Vec::new() };
+        match wanted {
+            Wanted::Seen(camera) => {
+                own.eye = surfaces.mesh.normalised(camera.position).map(f64::from);
+                own.pixel = 2.0 * camera.half_height / LINES;
+                own.columns = (Self::ROWS * camera.width).div_ceil(camera.height);
+            }
+            Wanted::Everywhere(_) => {
+                own.pixel = surfaces.mesh.extent() / LINES;
+                own.areas = (0..surfaces.mesh.corners.len())
+                    .scan(0.0, |sum, triangle| {
+                        *sum += surfaces.mesh.area(triangle);
+                        Some(*sum)
+                    })
+                    .collect();
+            }
+        }
+        own
+    }
+
+    /// Rows of candidates in a picture.
+    const ROWS: usize = (LINES as usize).div_ceil(BETWEEN);
+
+    /// How many places are looked at.
+    fn count(&self) -> usize {
+        match self.wanted {
+            Wanted::Seen(_) => Self::ROWS * self.columns,
+            Wanted::Everywhere(vertices) => vertices.len() + SAMPLES,
+        }
+    }
+
+    /// The `number`-th place.
+    fn first(&self, number: usize) -> Option<Point> {
+        match self.wanted {
+            Wanted::Seen(camera) => {
+                let [x, y] = jitter(number as u64);
+                let x = ((number % self.columns) as f64 + x) / self.columns as f64 * camera.width as f64;
+                let y = ((number / self.columns) as f64 + y) / Self::ROWS as f64 * camera.height as f64;
+                self.surfaces.meet(self.eye.map(|x| x as f32), camera.direction(x, y))
+            }
+            Wanted::Everywhere(vertices) => match number.checked_sub(vertices.len()) {
+                None => Some(vertices.places[number]),
+                Some(sample) => {
+                    let [x, y] = jitter(number as u64);
+                    let at = (sample as f64 + x) / SAMPLES as f64 * self.areas.last()?;
+                    let triangle = self.areas.partition_point(|&sum| sum <= at).min(self.areas.len() - 1);
+                    // What is left of the number inside its triangle is as good as another one.
+                    let before = if triangle == 0 { 0.0 } else { self.areas[triangle - 1] };
+                    let inside = ((at - before) / (self.areas[triangle] - before)).clamp(0.0, 1.0).sqrt();
+                    let back = match vertices.open[triangle] {
+                        [true, true] => mixed(number as u64) & 1 == 1,
+                        [front, _] => !front,
+                    };
+                    Some(self.surfaces.side(triangle, [(inside * (1.0 - y)) as f32, (inside * y) as f32], back))
+                }
+            },
+        }
+    }
+
+    /// The length that is resolved at a point.
+    fn unit(&self, at: &Point) -> f64 {
+        match self.wanted {
+            Wanted::Seen(_) => {
+                let away: [f64; 3] = std::array::from_fn(|k| at.place[k] - self.eye[k]);
+                self.pixel * dot(away, away).sqrt()
+            }
+            // A triangle is as a pixel of a picture, as far as a picture of the scene would resolve less.
+            Wanted::Everywhere(_) => {
+                self.surfaces.mesh.area(at.triangle as usize).sqrt().clamp(self.pixel / 8.0, self.pixel)
+            }
+        }
+    }
+}
+
+impl Placed {
+    /// Places nodes where light is wanted, and where what is there sees others. `advance` hears of work done, and may stop
+    /// it.
     pub fn place(
         surfaces: Surfaces,
-        camera: &Camera,
+        wanted: Wanted,
         spacing: Spacing,
         advance: &(dyn Fn() -> Result<()> + Sync),
-    ) -> Result<Nodes> {
+    ) -> Result<Placed> {
         if !(spacing.share > 0.0 && spacing.share.is_finite()) || spacing.cap == 0 {
             let Spacing { share, cap } = spacing;
             return Err(Error::input(format!(
                 "expected nodes at a share above 0 and at least one, got {share}, {cap}"
             )));
         }
-        let eye = surfaces.mesh.normalised(camera.position).map(f64::from);
-        let pixel = 2.0 * camera.half_height / LINES;
-        let height = (LINES as usize).div_ceil(BETWEEN);
-        let width = (height * camera.width).div_ceil(camera.height);
-        let look = |row: usize| -> Result<(Vec<Candidate>, u64)> {
+        const CHUNK: usize = 256;
+        let looking = Looking::new(surfaces, wanted);
+        let look = |chunk: usize| -> Result<(Vec<Candidate>, u64)> {
             advance()?;
-            let (mut found, mut rays) = (Vec::new(), width as u64);
-            for column in 0..width {
-                let number = (row * width + column) as u64;
-                let [x, y] = jitter(number);
-                let x = (column as f64 + x) / width as f64 * camera.width as f64;
-                let y = (row as f64 + y) / height as f64 * camera.height as f64;
-                let Some(seen) = surfaces.meet(eye.map(|x| x as f32), camera.direction(x, y)) else { continue };
-                let onwards = cosine_directions(seen.normal, 1, number).next();
-                let second = onwards.and_then(|way| surfaces.meet(seen.origin.map(|x| x as f32), way));
+            let own = chunk * CHUNK..looking.count().min((chunk + 1) * CHUNK);
+            let (mut found, mut rays) = (Vec::new(), own.len() as u64);
+            for number in own {
+                let Some(first) = looking.first(number) else { continue };
+                let number = number as u64;
+                let onwards = cosine_directions(first.normal, 1, number).next();
+                let second = onwards.and_then(|way| surfaces.meet(first.origin.map(|x| x as f32), way));
                 rays += 1;
-                for (k, at) in [Some(seen), second].into_iter().enumerate() {
+                for (k, at) in [Some(first), second].into_iter().enumerate() {
                     let Some(at) = at else { continue };
-                    let away: [f64; 3] = std::array::from_fn(|k| at.place[k] - eye[k]);
-                    let footprint = pixel * dot(away, away).sqrt();
+                    let unit = looking.unit(&at);
                     let share = spacing.share * if k == 0 { 1.0 } else { SECOND_HAND };
                     let (around, order) = (clearance(surfaces, &at, number), mixed(2 * number + k as u64));
                     rays += (AROUND * AROUND) as u64;
                     found.push(Candidate {
                         at,
-                        spacing: (share * around).clamp(LEAST * footprint, MOST * footprint),
-                        reach: MOST * footprint,
+                        spacing: (share * around).clamp(LEAST * unit, MOST * unit),
+                        reach: MOST * unit,
                         order,
                     });
                 }
             }
             Ok((found, rays))
         };
-        let rows = (0..height).into_par_iter().map(look).collect::<Result<Vec<_>>>()?;
-        let rays = rows.iter().map(|(_, rays)| rays).sum();
-        let mut candidates: Vec<Candidate> = rows.into_iter().flat_map(|(found, _)| found).collect();
+        let chunks = (0..looking.count().div_ceil(CHUNK)).into_par_iter().map(look).collect::<Result<Vec<_>>>()?;
+        let rays = chunks.iter().map(|(_, rays)| rays).sum();
+        let mut candidates: Vec<Candidate> = chunks.into_iter().flat_map(|(found, _)| found).collect();
         candidates.sort_by_key(|candidate| candidate.order);
 
         let mut wider = 1.0;
-        let mut nodes = throw(&candidates, wider);
-        while nodes.len() > spacing.cap {
+        let mut chosen = throw(&candidates, wider);
+        while chosen.len() > spacing.cap {
             advance()?;
-            wider *= 1.05 * (nodes.len() as f64 / spacing.cap as f64).sqrt();
-            nodes = throw(&candidates, wider);
+            wider *= 1.05 * (chosen.len() as f64 / spacing.cap as f64).sqrt();
+            chosen = throw(&candidates, wider);
         }
         // The way a surface faces first, then where it lies.
-        nodes.sort_by_cached_key(|node| (facing(node.at.normal), along_curve(node.at.place)));
+        chosen.sort_by_cached_key(|at| (facing(at.at.normal), along_curve(at.at.place)));
+        let node = |own: &Candidate| {
+            let Point { place, normal, origin, .. } = own.at;
+            Node { place, normal, origin, spacing: own.spacing, reach: own.reach }
+        };
+        let nodes = Nodes::new(chosen.iter().map(node).collect());
+        let cells = chosen.par_iter().enumerate().map(|(k, own)| cell(surfaces, &nodes.near, k, own)).collect();
+        Ok(Placed { nodes, cells, rays })
+    }
+
+    /// The points of all cells as a pass takes them: the first of `group` nodes, then the second of each, and so on. The last
+    /// node stands in where the last group is not full.
+    pub fn cell_points(&self, group: usize) -> Arc<Points> {
+        let mut points = Points::default();
+        for cells in self.cells.chunks(group) {
+            let point = |k: usize| &cells[(k % group).min(cells.len() - 1)][k / group];
+            (0..group * CELL).for_each(|k| points.push(point(k)));
+        }
+        Arc::new(points)
+    }
+}
+
+impl Nodes {
+    /// Makes them ready to be asked.
+    pub fn new(nodes: Vec<Node>) -> Nodes {
         let mut spacings: Vec<f64> = nodes.iter().map(|node| node.spacing).collect();
         spacings.sort_by(f64::total_cmp);
         let scale = NORMAL * spacings.get(spacings.len() / 2).copied().unwrap_or(1.0);
-        let near = Near::new(nodes.iter().map(|node| (node.at.place, node.at.normal)), scale);
-        let cells = nodes.par_iter().enumerate().map(|(k, node)| cell(surfaces, &near, k, node)).collect();
-        Ok(Nodes { nodes, cells, rays, near })
+        let near = Near::new(nodes.iter().map(|node| (node.place, node.normal)), scale);
+        Nodes { nodes, near }
     }
 
     /// How many there are.
@@ -167,9 +297,9 @@ impl Nodes {
         self.near.nearest(at.place, at.normal, 1, room);
         let number = room.first()?.1 as usize;
         let node = &self.nodes[number];
-        let apart: [f64; 3] = std::array::from_fn(|k| node.at.place[k] - at.place[k]);
+        let apart: [f64; 3] = std::array::from_fn(|k| node.place[k] - at.place[k]);
         let near = dot(apart, apart).sqrt() <= BEYOND * node.reach;
-        (near && dot(node.at.normal, at.normal) > 0.0).then_some(number)
+        (near && dot(node.normal, at.normal) > 0.0).then_some(number)
     }
 
     /// The numbers of the `count` nearest nodes, the nearest first; `room` is scratch.
@@ -183,17 +313,6 @@ impl Nodes {
         self.near.nearest(place, normal, count, room);
         room.iter().map(|&(_, number)| number as usize)
     }
-
-    /// The points of all cells as a pass takes them: the first of `group` nodes, then the second of each, and so on. The last
-    /// node stands in where the last group is not full.
-    pub fn cell_points(&self, group: usize) -> Arc<Points> {
-        let mut points = Points::default();
-        for cells in self.cells.chunks(group) {
-            let point = |k: usize| &cells[(k % group).min(cells.len() - 1)][k / group];
-            (0..group * CELL).for_each(|k| points.push(point(k)));
-        }
-        Arc::new(points)
-    }
 }
 
 /// How far other surfaces are from a point, by the harmonic mean; infinite where it sees none.
@@ -205,9 +324,9 @@ fn clearance(surfaces: Surfaces, at: &Point, seed: u64) -> f64 {
 }
 
 /// The nodes among candidates, at `wider` times their spacings.
-fn throw(candidates: &[Candidate], wider: f64) -> Vec<Node> {
+fn throw(candidates: &[Candidate], wider: f64) -> Vec<Candidate> {
     let mut grid = Grid::default();
-    let mut nodes: Vec<Node> = Vec::new();
+    let mut nodes: Vec<Candidate> = Vec::new();
     for candidate in candidates {
         let spacing = wider * candidate.spacing;
         let at = &candidate.at;
@@ -218,7 +337,7 @@ fn throw(candidates: &[Candidate], wider: f64) -> Vec<Node> {
         });
         if !taken {
             grid.insert(at.place, nodes.len() as u32);
-            nodes.push(Node { at: *at, spacing, reach: wider * candidate.reach });
+            nodes.push(Candidate { at: *at, spacing, reach: wider * candidate.reach, order: candidate.order });
         }
     }
     nodes
@@ -256,20 +375,14 @@ impl Grid {
     }
 }
 
-/// Six ways to face: by the largest component of a normal.
-fn facing(normal: [f64; 3]) -> usize {
-    let axis = (0..3).fold(0, |best, k| if normal[k].abs() > normal[best].abs() { k } else { best });
-    2 * axis + usize::from(normal[axis] < 0.0)
-}
-
 /// Points of a node's cell, spread evenly over what is nearer to it than to any other node; the node itself where too few
 /// are found.
 ///
 /// Only so the light that leaves a cell is neither more nor less than that of its points: with points on a disc around the
 /// node itself about a percent of the indirect light was missing in the Cornell box, as cells reach further where light
 /// varies less.
-fn cell(surfaces: Surfaces, near: &Near, number: usize, node: &Node) -> [Point; CELL] {
-    let Node { at, spacing, .. } = node;
+fn cell(surfaces: Surfaces, near: &Near, number: usize, node: &Candidate) -> [Point; CELL] {
+    let Candidate { at, spacing, .. } = node;
     let [tangent, bitangent] = frame(at.normal);
     let (mut points, mut found, mut room) = ([*at; CELL], 0, Vec::new());
     let height = 0.5 * spacing;

@@ -10,6 +10,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::camera::Camera;
+use super::curve::along_curve;
 use super::rays::tracer::LIFT;
 use super::surface::{Point, Points, Surfaces, dot};
 use crate::error::Result;
@@ -150,12 +151,6 @@ fn interleave(column: usize, row: usize) -> u64 {
     (0..16).fold(0, |code, bit| {
         code | ((column >> bit & 1) as u64) << (2 * bit) | ((row >> bit & 1) as u64) << (2 * bit + 1)
     })
-}
-
-/// The place of a point of the normalised scene along a Morton curve, 21 bits an axis.
-pub(super) fn along_curve(point: [f64; 3]) -> u64 {
-    let cells = point.map(|x| (((x + 1.0) * 0.5).clamp(0.0, 1.0) * 2_097_151.0) as u64);
-    (0..21).fold(0, |code, bit| (0..3).fold(code, |code, axis| code | (cells[axis] >> bit & 1) << (3 * bit + axis)))
 }
 
 impl Receivers {

@@ -30,7 +30,7 @@ pub struct Point {
 pub struct Points {
     /// In the normalised scene, lifted off their surfaces.
     pub origin: Vec<[f32; 3]>,
-    /// Unit normals.
+    /// Unit normals; 0 of a point that sees nothing.
     pub normal: Vec<[f32; 3]>,
 }
 
@@ -43,6 +43,12 @@ impl Points {
     /// Whether there is none.
     pub fn is_empty(&self) -> bool {
         self.origin.is_empty()
+    }
+
+    /// Some of them, by number.
+    pub fn some(&self, numbers: impl Iterator<Item = usize>) -> Points {
+        let (origin, normal) = numbers.map(|number| (self.origin[number], self.normal[number])).unzip();
+        Points { origin, normal }
     }
 
     /// Adds a point.
@@ -65,11 +71,7 @@ impl Surfaces<'_> {
     /// The first point that a ray meets, seen from the ray's side. `direction` has length 1.
     pub fn meet(&self, origin: [f32; 3], direction: [f64; 3]) -> Option<Point> {
         let hit = self.tracer.closest_hit(origin, direction.map(|d| d as f32))?;
-        let [b1, b2] = hit.barycentric.map(f64::from);
-        let corners = self.mesh.corners[hit.triangle].map(|corner| corner.map(f64::from));
-        let place: [f64; 3] = std::array::from_fn(|k| {
-            corners[0][k] + b1 * (corners[1][k] - corners[0][k]) + b2 * (corners[2][k] - corners[0][k])
-        });
+        let place = self.mesh.place(hit.triangle, hit.barycentric);
         let normal = self.mesh.normal(hit.triangle);
         let normal = if dot(normal, direction) > 0.0 { normal.map(|n| -n) } else { normal };
         // Off the surface along its normal; and back along the ray, which has found the way free: a point in the seam of
@@ -77,6 +79,14 @@ impl Surfaces<'_> {
         let origin = std::array::from_fn(|k| place[k] + LIFT * (normal[k] - 2.0 * direction[k]));
         let (triangle, distance) = (hit.triangle as u32, f64::from(hit.distance));
         Some(Point { triangle, barycentric: hit.barycentric, place, normal, origin, distance })
+    }
+
+    /// A point of a triangle by the weights of its corners 1 and 2, on its front or on its back.
+    pub fn side(&self, triangle: usize, barycentric: [f32; 2], back: bool) -> Point {
+        let (place, front) = (self.mesh.place(triangle, barycentric), self.mesh.normal(triangle));
+        let normal = if back { front.map(|n| -n) } else { front };
+        let origin = std::array::from_fn(|k| place[k] + LIFT * normal[k]);
+        Point { triangle: triangle as u32, barycentric, place, normal, origin, distance: 0.0 }
     }
 
     /// Whether nothing lies between two points of the normalised scene.

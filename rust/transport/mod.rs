@@ -16,7 +16,9 @@ pub mod weights;
 
 pub use dense::Dense;
 pub use entry::{Channels, GROUP, MAX_TILE_ROWS, Rows16, Width, bf16, bf16_up};
-pub use file::{Audit, Description, Opened, Part, Writer, open, rewrite, survey as survey_stored};
+pub use file::{
+    Array, Audit, Beside, Description, Numbers, Opened, Part, Writer, open, rewrite, survey as survey_stored,
+};
 pub use matrix::{Csr, TransportMatrix};
 pub use product::{Factors, Link, Product};
 pub use receivers::{ReceiverKind, ReceiverTable};

@@ -32,7 +32,7 @@ RUST_FLOORS = (
 PYTHON_FLOORS = (
     ("_core",),
     ("checks", "rotation", "io", "output", "progress"),
-    ("light", "update", "columns", "brdf", "camera"),
+    ("light", "update", "columns", "brdf", "camera", "surface"),
     ("transport", "scene", "pages"),
     ("relight", "precomputation"),
     ("report", "edit", "__init__"),

@@ -137,10 +137,11 @@ BEFORE = {
         vertices = rng.random((len(triangles), 1, 3)) + 0.05 * rng.random((len(triangles), 3, 3))
         scene = _core.Scene(vertices.reshape(-1, 3), triangles, np.zeros(len(triangles), np.uint32))
         print("begun", flush=True)
-        scene.receivers(
+        camera = _core.Camera(
             position=(0.5, 0.5, 4.0), right=(1.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), forward=(0.0, 0.0, -1.0),
-            half_height=0.2, width=8192, height=8192, edges=True,
+            half_height=0.2, width=8192, height=8192,
         )
+        scene.receivers(camera, edges=True)
     """,
 }
 

@@ -9,8 +9,8 @@ use _core::error::Error;
 use _core::transport::file::manifest::{FileEntry, MANIFEST, TILES_PER_SHARD};
 use _core::transport::file::versions::read_manifest;
 use _core::transport::{
-    Audit, Channels, Dense, Description, Link, Opened, Part, ReceiverKind, ReceiverTable, Slab, TransportMatrix,
-    Values, Weights, Width, Writer, open,
+    Array, Audit, Beside, Channels, Dense, Description, Link, Numbers, Opened, Part, ReceiverKind, ReceiverTable, Slab,
+    TransportMatrix, Values, Weights, Width, Writer, open,
 };
 
 use crate::transport::{matrix, stored_norms};
@@ -60,6 +60,17 @@ fn about(matrix: &TransportMatrix, width: Width) -> Description {
         camera: Some(r#"{"fov": 40.1}"#.to_owned()),
         plan: "{}".to_owned(),
         scene: "0123".to_owned(),
+        beside: vec![Beside {
+            file: "scene.safetensors",
+            arrays: vec![
+                Array {
+                    name: "places".to_owned(),
+                    shape: vec![2, 3],
+                    numbers: Numbers::F64((0..6).map(f64::from).collect::<Vec<_>>().into()),
+                },
+                Array { name: "which".to_owned(), shape: vec![2], numbers: Numbers::U32(vec![7u32, 9].into()) },
+            ],
+        }],
     }
 }
 
@@ -116,7 +127,7 @@ fn what_is_written_is_what_is_read() {
         let scratch = Scratch::new();
         let (path, matrix) = (scratch.path("a.transport"), small(width));
         write(&path, &matrix, width);
-        let Opened { product, receivers: table, audit, manifest } = open(&path).unwrap();
+        let Opened { product, receivers: table, audit, manifest, beside } = open(&path).unwrap();
         let read = product.alone().unwrap();
         assert_eq!(Dense::of(read), Dense::of(&matrix));
         assert_eq!(read.to_csr(0), matrix.to_csr(0));
@@ -126,8 +137,13 @@ fn what_is_written_is_what_is_read() {
         assert_eq!(table.material.unwrap()[3], 3);
         assert_eq!(manifest.receivers.camera.unwrap().get(), r#"{"fov": 40.1}"#);
         assert_eq!(&audit.unwrap().groups[..], &[0, 5]);
+        let [scene] = &beside[..] else { panic!("{} files beside", beside.len()) };
+        let [places, which] = &scene.arrays[..] else { panic!("{} arrays", scene.arrays.len()) };
+        assert_eq!((&places.name[..], &which.name[..], &places.shape[..]), ("places", "which", &[2, 3][..]));
+        assert!(matches!(&which.numbers, Numbers::U32(items) if items[..] == [7, 9]));
+        assert!(matches!(&places.numbers, Numbers::F64(items) if items[5] == 5.0));
         let names: Vec<String> = contents(&path).into_iter().map(|(name, _)| name).collect();
-        let expected = ["audit", "manifest", "receivers", "tiles-direct-00000", "tiles-direct-00001"];
+        let expected = ["audit", "manifest", "receivers", "scene", "tiles-direct-00000", "tiles-direct-00001"];
         assert_eq!(names.len(), expected.len());
         assert!(names.iter().zip(expected).all(|(name, start)| name.starts_with(start)), "{names:?}");
         assert_eq!(fs::read_dir(&scratch.0).unwrap().count(), 1);
@@ -365,7 +381,7 @@ fn hostile_manifests_are_refused_with_a_reason() {
     let text = fs::read_to_string(path.join(MANIFEST)).unwrap();
     let cases = [
         ("\"deltalux.transport\"", "\"something.else\"", "format"),
-        ("2,\n    0", "3,\n    0", "version 3"),
+        ("2,\n    1", "3,\n    0", "version 3"),
         ("\"rows\": 170", "\"rows\": 18446744073709551615", "rows"),
         ("\"rows\": 170", "\"rows\": 4294967295", "expected 33554433 files"),
         ("\"rows\": 170", "\"rows\": 0", "rows"),

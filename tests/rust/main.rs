@@ -1,5 +1,6 @@
 //! The Rust suite: one module for each room of the house.
 mod update;
+mod vertices;
 
 mod basis;
 mod bounces;

@@ -11,6 +11,7 @@ from typing import Any
 from ..light.environment import Environment
 from ..light.motion import Motion
 from ..output import nearest
+from ..precomputation.preparation import Request
 from ..precomputation.room import check_room
 from ..precomputation.run import Precomputation
 from ..progress import Progress
@@ -78,7 +79,7 @@ def demo(
     scene = Scene.builtin("plant")
     scene = scene.with_camera(scene.camera.resized(*size))
     check_report(envs, path, motion)
-    request = Precomputation(scene, columns, QUALITY, None)
+    request = Precomputation(scene, Request(columns, QUALITY))
     check_room(request.plan, nearest(path) / _TRANSPORT)
     say(request.plan)
     path.mkdir(parents=True, exist_ok=True)

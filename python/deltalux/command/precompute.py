@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..precomputation.between import RESIDUAL, between
-from ..precomputation.preparation import COLUMNS
+from ..precomputation.preparation import COLUMNS, Request
 from ..precomputation.quality import QUALITIES
 from ..precomputation.room import check_folder_of
 from ..precomputation.run import Precomputation
@@ -48,6 +48,15 @@ def add(commands: Any) -> None:
     command.add_argument(
         "--nodes", type=read_nodes, default="auto", metavar="N|auto", help="at most so many for bounces; default: auto"
     )
+    command.add_argument(
+        "--receivers",
+        choices=("pixels", "vertices"),
+        default="pixels",
+        help="of one camera, or of the mesh; default: %(default)s",
+    )
+    command.add_argument(
+        "--normals", choices=("smooth", "flat"), default="smooth", help="of vertices; default: %(default)s"
+    )
     command.add_argument("--plan", action="store_true", help="only say what would be computed and what it would cost")
 
     command = add_command(commands, "info", _info, "what a transport holds")
@@ -60,8 +69,9 @@ def _precompute(chosen: argparse.Namespace) -> None:
     if chosen.output is not None and not chosen.plan:
         check_folder_of(Path(chosen.output))
     scene = scene_of(chosen)
-    asked = between(chosen.bounces, chosen.residual, chosen.nodes)
-    request = Precomputation(scene, chosen.columns, chosen.quality, chosen.tolerance, asked)
+    bounces = between(chosen.bounces, chosen.residual, chosen.nodes)
+    asked = Request(chosen.columns, chosen.quality, chosen.tolerance, chosen.receivers, chosen.normals, bounces)
+    request = Precomputation(scene, asked)
     say(request.plan)
     if chosen.output is not None and not chosen.plan:
         say(request.run(chosen.output))

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import hashlib
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .._core import Bounces, Links, NodeRows, Nodes
+from .._core import Bounces, Links, Receivers, Sources, TileData
+from .._core import Camera as Rays
+from .._core import Nodes as CoreNodes
+from .._core import Scene as CoreScene
 from ..checks import count
+from ..columns import Columns
+from ..scene.scene import Scene
+from ..transport.plan import Solve
+from ..transport.transport import Transport
+from .quality import Quality
 
-if TYPE_CHECKING:
-    from .preparation import Prepared
-
-__all__ = ["ALL", "RESIDUAL", "Between", "Interreflection", "between"]
+__all__ = ["ALL", "RESIDUAL", "Between", "KnownNodes", "NodePart", "Nodes", "PlacedNodes", "between", "linked"]
 
 _MOST_NODES = 32_768
 """Where no other number is asked: F and the rows of nodes grow with them."""
@@ -67,60 +73,89 @@ def between(bounces: int | str, residual: float, nodes: int | str) -> Between | 
     return Between(number, float(residual), cap) if number else None
 
 
-class Interreflection:
-    """Nodes of a scene, and what comes of them.
+@dataclass(frozen=True)
+class NodePart:
+    """The nodes' part of a transport, and how it was solved but for what the receivers say."""
 
-    Parameters
+    tiles: list[TileData]
+    rows: int
+    quantum: int
+    width: str
+    tile_rows: int
+    rays: int
+    solve: Solve
+
+
+class PlacedNodes:
+    """Nodes placed in a scene, to be solved.
+
+    Attributes
     ----------
-    prepared
-        The scene whose receivers are found.
-    asked
-        Of light between its surfaces.
+    bounces
+        How many, or `ALL`.
+    columns
+        What their rows are measured in.
+    seconds
+        How long placing them took.
     """
 
-    def __init__(self, prepared: Prepared, asked: Between) -> None:
-        self.asked, self._prepared = asked, prepared
-        started = prepared.clock()
-        self.nodes = Nodes.place(prepared.core, **prepared.view, share=prepared.settings.spacing, cap=asked.cap)
-        self.seconds = prepared.clock() - started
-        count = len(self.nodes)
+    def __init__(
+        self,
+        core: CoreScene,
+        scene: Scene,
+        receivers: Receivers,
+        camera: Rays,
+        settings: Quality,
+        columns: Columns,
+        asked: Between,
+    ) -> None:
+        self._core, self._receivers, self._settings, self._asked = core, receivers, settings, asked
+        self.bounces = asked.bounces
+        # Wavelets, where receivers have texels besides.
+        self.columns = str(columns).removesuffix("+texels")
+        started = time.perf_counter()
+        self._nodes = CoreNodes.place(core, receivers, camera, share=settings.spacing, cap=asked.cap)
+        self.seconds = time.perf_counter() - started
         # A cell's colour is the mean of its points: textures are finer than nodes.
-        colours = prepared.scene.albedo_at(self.nodes.triangle, self.nodes.barycentric)
-        self.albedo = np.ascontiguousarray(colours.reshape(count, Nodes.CELL, 3).mean(axis=1), np.float32)
+        colours = scene.albedo_at(self._nodes.triangle, self._nodes.barycentric)
+        self._albedo = np.ascontiguousarray(
+            colours.reshape(len(self._nodes), CoreNodes.CELL, 3).mean(axis=1), np.float32
+        )
+        self._between: Bounces | None = None
 
-    @property
-    def columns(self) -> str:
-        """What nodes' rows are measured in: wavelets, where receivers have texels besides."""
-        return str(self._prepared.columns).removesuffix("+texels")
+    def __len__(self) -> int:
+        return len(self._nodes)
 
     @property
     def channels(self) -> int:
         """1 where all surfaces are grey."""
-        return Bounces.channels_of(self.albedo)
+        return Bounces.channels_of(self._albedo)
 
     @property
-    def rays_a_node(self) -> int:
-        """Of the form factors."""
-        return self._prepared.settings.node_rays**2
+    def rays(self) -> int:
+        """That placing them took."""
+        return self._nodes.rays
 
-    def between_nodes(self, progress: Callable[[int], None]) -> Bounces:
-        """Form factors: how light passes between nodes."""
-        side = self._prepared.settings.node_rays
-        return Bounces(self._prepared.core, self.nodes, self.albedo, side=side, progress=progress)
+    @property
+    def why(self) -> str:
+        """What they are, in words."""
+        reach = " ".join(f"{x:.2f}" for x in self._albedo.mean(axis=0))
+        colours = "red, green and blue, as albedos are coloured" if self.channels == 3 else "albedos in reach are grey"
+        return f"{len(self):,} nodes x {self._settings.node_rays**2} rays; {colours} ({reach} in the mean)"
 
-    def links(self, bounces: Bounces, progress: Callable[[int], None]) -> Links:
-        """From nodes to receivers."""
-        prepared = self._prepared
-        audit = prepared.settings.audit
-        return bounces.links(prepared.core, prepared.rows, side=_SEEN, audit=audit, progress=progress)
+    def sources(self, progress: Callable[[int], None]) -> Sources:
+        """The nodes as receivers take from them: form factors first."""
+        side = self._settings.node_rays
+        self._between = Bounces(self._core, self._nodes, self._albedo, side=side, progress=progress)
+        return self._between.sources()
 
-    def rows(
-        self, bounces: Bounces, links: Links, threshold: float, quantum: int, progress: Callable[[int], None]
-    ) -> NodeRows:
-        """The nodes' rows, solved and truncated."""
-        settings, asked = self._prepared.settings, self.asked
-        return bounces.rows(
-            self._prepared.core,
+    def rows(self, links: Links, threshold: float, quantum: int, progress: Callable[[int], None]) -> NodePart:
+        """Their rows, solved and truncated."""
+        assert self._between is not None
+        settings, asked = self._settings, self._asked
+        made = self._between.rows(
+            self._core,
+            self._receivers,
             links,
             columns=self.columns,
             edge_side=settings.edge_side,
@@ -131,3 +166,59 @@ class Interreflection:
             width=settings.width,
             progress=progress,
         )
+        shot, lost = self._between.rays
+        off = np.quantile(made.discretisation or [0.0], (0.5, 0.95, 1.0))
+        solve = Solve(
+            method="BiCGStab" if made.krylov else "Neumann",
+            nodes=len(self),
+            products=made.products,
+            residual=made.residual,
+            shares=tuple(made.shares),
+            gathering=0.0,
+            lost=lost / max(shot, 1),
+            discretisation=(float(off[0]), float(off[1]), float(off[2])),
+        )
+        rays = self.rays + shot + made.rays
+        return NodePart(made.tiles, made.rows, made.quantum, settings.width, made.tile_rows, rays, solve)
+
+
+class KnownNodes:
+    """Nodes that a transport of the same scene keeps, solved: placing them took no ray and no time."""
+
+    rays, seconds = 0, 0.0
+
+    def __init__(self, transport: Transport) -> None:
+        part, kept = transport._core.nodes(), transport._core.beside("nodes")
+        if part is None or kept is None or transport.solve is None:
+            raise ValueError("expected a transport that keeps its nodes")
+        self.columns, self._rows, self.channels, self._quantum, self._width, self._tile_rows, self._tiles = part
+        self._kept, self._solve, self.bounces = kept["kept"], transport.solve, transport.bounces
+        # By what they are, not by where they lie.
+        self.name = hashlib.blake2b(self._kept.tobytes(), digest_size=16).hexdigest()
+
+    def __len__(self) -> int:
+        return len(self._kept)
+
+    @property
+    def why(self) -> str:
+        """What they are, in words."""
+        return f"the {len(self):,} nodes of another view, with their rows"
+
+    def sources(self, progress: Callable[[int], None]) -> Sources:
+        """The nodes as receivers take from them."""
+        return Sources(self._kept)
+
+    def rows(self, links: Links, threshold: float, quantum: int, progress: Callable[[int], None]) -> NodePart:
+        """Their rows as they are."""
+        return NodePart(self._tiles, self._rows, self._quantum, self._width, self._tile_rows, 0, self._solve)
+
+
+Nodes = PlacedNodes | KnownNodes
+"""Between which light bounces: what a plan and a run need of them is alike."""
+
+
+def linked(
+    sources: Sources, core: CoreScene, receivers: Receivers, settings: Quality, progress: Callable[[int], None]
+) -> Links:
+    """Links receivers to nodes."""
+    return sources.links(core, receivers, side=_SEEN, audit=settings.audit, progress=progress)

@@ -83,8 +83,16 @@ def make_plan(prepared: Prepared) -> Plan:
         left_out=_left_out(prepared, probe, part),
         errors=probe.survey.errors,
         without=probe.survey.without,
-        notes=[*(f"{count} {what}" for what, count in scene.counts.items() if count), *scene.warnings],
+        notes=[*(f"{count:,} {what}" for what, count in _found(prepared).items() if count), *scene.warnings],
     )
+
+
+def _found(prepared: Prepared) -> dict[str, int]:
+    """What was put right in the scene, and what its vertices are."""
+    return {
+        **prepared.scene.counts,
+        "buried vertices, which see nothing and show their neighbour": prepared.rows.buried,
+    }
 
 
 def _nodes(prepared: Prepared, probe: _Probe) -> list[Part]:
@@ -92,13 +100,8 @@ def _nodes(prepared: Prepared, probe: _Probe) -> list[Part]:
     own = prepared.between
     if own is None or probe.hit_share == 0:
         return []
-    columns, nodes, bounces = parse(own.columns), len(own.nodes), own.asked.bounces
-    reach = own.albedo.mean(axis=0)
-    colours = "red, green and blue, as albedos are coloured" if own.channels == 3 else "albedos in reach are grey"
-    why = (
-        f"light between surfaces at {nodes:,} nodes x {own.rays_a_node} rays, then 4 weights a receiver; "
-        f"{colours} ({' '.join(f'{x:.2f}' for x in reach)} in the mean)"
-    )
+    columns, nodes, bounces = parse(own.columns), len(own), own.bounces
+    why = f"light between surfaces, of which receivers take from {own.why}"
     part = Part(
         name=NODES,
         make=NODES,
@@ -111,17 +114,21 @@ def _nodes(prepared: Prepared, probe: _Probe) -> list[Part]:
         bounces=bounces,
         why=why,
     )
-    rays = nodes * own.rays_a_node + prepared.count * _LINK_RAYS
-    pairs = nodes * own.rays_a_node * probe.hit_share * _APART
+    # Nodes that are known are neither traced nor solved.
+    solved = nodes if own.rays else 0
+    rays = solved * prepared.settings.node_rays**2 + prepared.count * _LINK_RAYS
+    pairs = solved * prepared.settings.node_rays**2 * probe.hit_share * _APART
     products = bounces if bounces > 0 else _ALL_PRODUCTS
     solving = 2.0 * pairs * columns.columns * products * own.channels / (_FLOPS * used_threads())
-    direct = nodes / _CELLS_A_BUNDLE * probe.bundle_seconds
-    # A look-up of the nearest node costs as much again as a ray.
-    seconds = 2 * rays * own.seconds / max(own.nodes.rays, 1) + direct + solving
+    direct = solved / _CELLS_A_BUNDLE * probe.bundle_seconds
+    # A look-up of the nearest node costs as much again as a ray; where none was placed, a ray is one of the probe's.
+    a_ray = own.seconds / own.rays if own.rays else probe.bundle_seconds / (probe.first_rays + probe.edge_rays)
+    seconds = 2 * rays * a_ray + direct + solving
     entry = entry_bytes(prepared.settings.width, own.channels)
-    matrix = nodes / GROUP * probe.survey.looked.entries_per_group * entry + prepared.count * _LINK_BYTES
+    # Of each node its irradiance and its radiosity.
+    matrix = 2 * nodes / GROUP * probe.survey.looked.entries_per_group * entry + prepared.count * _LINK_BYTES
     cost = Cost(
-        rays=rays + nodes / _CELLS_A_BUNDLE * (probe.first_rays + probe.edge_rays),
+        rays=rays + solved / _CELLS_A_BUNDLE * (probe.first_rays + probe.edge_rays),
         bytes_on_disk=matrix,
         bytes_in_memory=INTERPRETER + TRIANGLE * len(prepared.scene.triangles) + 8 * pairs + 4 * matrix,
         seconds=seconds,
@@ -191,8 +198,7 @@ def _cost(
     tile = TILE_ROWS / GROUP * entries * entry + TILE_ROWS / BUNDLE * texels
     audit = min(_AUDIT_GROUPS, groups // 64) * prepared.stored * _FILLED * entry_bytes("i16", channels)
     bands = int(columns.bands[-1]) + 1
-    camera = prepared.scene.camera
-    receivers = rows * (4 + 4 + 36 + 2) + 4 * camera.width * camera.height
+    receivers = rows * (4 + 4 + 36 + 2) + _own_bytes(prepared)
     matrix = groups * entries * entry + tiles * 4 * (prepared.stored + 1) + rows * bands * 4 + prepared.bundles * texels
     seconds = (
         surveyed_bundles(rows) * survey_seconds
@@ -218,6 +224,13 @@ def _cost(
     )
 
 
+def _own_bytes(prepared: Prepared) -> float:
+    """Of the picture, or of the corners of triangles; and of the scene, which is kept."""
+    scene, camera = prepared.scene, prepared.scene.camera
+    own = 4 * camera.width * camera.height if prepared.request.receivers == "pixels" else 12 * len(scene.triangles)
+    return own + sum(array.nbytes for array in scene.arrays().values())
+
+
 def _left_out(prepared: Prepared, probe: _Probe, part: Part) -> list[LeftOut]:
     """What the scene and the request do not call for: each reason names what was found."""
     scene, settings, columns = prepared.scene, prepared.settings, prepared.columns
@@ -229,8 +242,9 @@ def _left_out(prepared: Prepared, probe: _Probe, part: Part) -> list[LeftOut]:
     if prepared.between is None or probe.hit_share == 0:
         left_out.append(LeftOut("bounces", _bounces(probe)))
     if part.factors == 1:
-        left_out.append(LeftOut("view factors", f"one view, and {materials} diffuse"))
-    behind = int((prepared.rows.background == 1).sum())
+        view = "one view, and " if prepared.request.receivers == "pixels" else ""
+        left_out.append(LeftOut("view factors", f"{view}{materials} diffuse"))
+    behind = prepared.rows.unseen
     if behind:
         left_out.append(LeftOut("rows for pixels without a surface", f"{behind:,} pixels show the environment itself"))
     left_out.append(
@@ -244,7 +258,7 @@ def _left_out(prepared: Prepared, probe: _Probe, part: Part) -> list[LeftOut]:
         left_out.append(
             LeftOut("entries that truncation finds too small", f"{100 * (1 - kept):.1f} % of columns in 16 rows")
         )
-    if not settings.edges:
+    if not settings.edges and prepared.request.receivers == "pixels":
         left_out.append(LeftOut("samples of pixel edges", f"one receiver a pixel ({prepared.quality})"))
     if not settings.edge_side:
         left_out.append(LeftOut("rays into shadow edges", f"one ray a texel ({prepared.quality})"))

@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
 from numbers import Real
-from typing import TypedDict
 
-import numpy as np
-
-from .._core import DirectPass, Looked
-from .._core import Scene as CoreScene
+from .._core import DirectPass, Looked, Receivers
 from ..columns import Columns, Haar, parse
 from ..scene.scene import Scene
-from .between import Between, Interreflection
+from .between import Between, KnownNodes, Nodes, PlacedNodes
 from .lights import lights
 from .quality import QUALITIES, Quality
 from .room import check_request
 
-__all__ = ["BUNDLE", "COLUMNS", "QUANTUM", "Prepared", "Survey", "surveyed_bundles"]
+__all__ = ["BUNDLE", "COLUMNS", "QUANTUM", "Prepared", "Request", "Survey", "surveyed_bundles"]
 
 COLUMNS = "haar:64+texels"
 """The basis where none is asked for."""
@@ -48,55 +44,82 @@ class Survey:
     without: dict[str, float]
 
 
-class _View(TypedDict):
-    """A camera as the core takes it."""
+@dataclass(frozen=True)
+class Request:
+    """What is asked of a scene.
 
-    position: tuple[float, float, float]
-    right: tuple[float, float, float]
-    up: tuple[float, float, float]
-    forward: tuple[float, float, float]
-    half_height: float
-    width: int
-    height: int
+    Attributes
+    ----------
+    columns, quality, tolerance, receivers, normals
+        As for `precompute`.
+    between
+        Of light between surfaces; None: nothing.
+    """
+
+    columns: Columns | str = COLUMNS
+    quality: str = "publication"
+    tolerance: float | None = None
+    receivers: str = "pixels"
+    normals: str = "smooth"
+    between: Between | None = None
+
+    def __post_init__(self) -> None:
+        for name, words in (("receivers", ("pixels", "vertices")), ("normals", ("smooth", "flat"))):
+            if getattr(self, name) not in words:
+                known = " or ".join(f'"{word}"' for word in words)
+                raise ValueError(f"expected {name} to be {known}, got {getattr(self, name)!r}")
 
 
 class Prepared:
-    """A scene and a request, checked; the receivers are found, and nothing is written."""
+    """A scene and a request, checked; the receivers are found, and nothing is written.
+
+    Parameters
+    ----------
+    scene
+        Its surfaces and its camera.
+    request
+        What is asked of it.
+    known
+        Nodes of the same scene that are there already, whatever the request says of light between surfaces.
+    """
 
     clock: Callable[[], float] = staticmethod(time.perf_counter)
 
-    def __init__(
-        self,
-        scene: Scene,
-        columns: Columns | str,
-        quality: str,
-        tolerance: float | None,
-        asked: Between | None = None,
-    ) -> None:
-        self.scene = scene
+    def __init__(self, scene: Scene, request: Request, known: KnownNodes | None = None) -> None:
+        self.scene, self.request = scene, request
+        columns = request.columns
         self.columns = parse(columns) if isinstance(columns, str) else columns
-        self.quality, self.settings = quality, _settings(quality, tolerance)
+        self.quality, self.settings = request.quality, _settings(request.quality, request.tolerance)
         check_request(scene)
-        camera = scene.camera
-        right, up, forward = camera.basis()
-        self.core = CoreScene(scene.vertices, scene.triangles, scene.material)
-        self.view = _View(
-            position=_three(camera.position),
-            right=_three(right),
-            up=_three(up),
-            forward=_three(forward),
-            half_height=float(np.tan(np.radians(camera.vertical_fov) / 2)),
-            width=camera.width,
-            height=camera.height,
-        )
-        self.rows = self.core.receivers(**self.view, edges=self.settings.edges)
+        self.core = scene.traced()
+        self.camera = scene.camera.rays()
+        self.rows = self._found()
         self.count = len(self.rows)
         if self.count == 0:
             raise ValueError(f"the camera sees nothing of {scene.name}: no pixel shows a surface")
-        self.between = None if asked is None else Interreflection(self, asked)
+        self.between: Nodes | None = known
+        if known is None and request.between is not None:
+            self.between = PlacedNodes(
+                self.core, scene, self.rows, self.camera, self.settings, self.columns, request.between
+            )
         # Drawn here, once: no clock that times a survey is to time this.
         self.lights = lights(self.columns)
         self.direct = DirectPass(self.core, self.rows, columns=str(self.columns), edge_side=self.settings.edge_side)
+
+    def _found(self) -> Receivers:
+        if self.request.receivers == "pixels":
+            return self.core.receivers(self.camera, edges=self.settings.edges)
+        scene = self.scene
+        return self.core.vertices(scene.triangles, shading=self.request.normals, normals=scene.normals)
+
+    @property
+    def asked(self) -> dict[str, object]:
+        """What a run is known by besides its scene, columns and settings, where it is not the plainest."""
+        request = self.request
+        asked: dict[str, object] = {} if request.between is None else {"between": asdict(request.between)}
+        if isinstance(self.between, KnownNodes):
+            asked |= {"nodes": self.between.name}
+        return asked if request.receivers == "pixels" else asked | {"vertices": request.normals}
 
     @property
     def bundles(self) -> int:
@@ -124,11 +147,6 @@ class Prepared:
             of = without if light.peaks == 0 else errors
             of[light.name] = max(error, of.get(light.name, 0.0))
         return Survey(found, errors, without)
-
-
-def _three(vector: Sequence[float] | np.ndarray) -> tuple[float, float, float]:
-    x, y, z = (float(component) for component in vector)
-    return x, y, z
 
 
 def _settings(quality: str, tolerance: float | None) -> Quality:

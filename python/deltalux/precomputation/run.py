@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -18,9 +18,9 @@ from ..scene.scene import Scene
 from ..transport.entry import TILE_ROWS, TILES_PER_SHARD
 from ..transport.plan import Part, Plan, Solve
 from ..transport.transport import Transport
-from .between import RESIDUAL, Between, between
+from .between import RESIDUAL, KnownNodes, between, linked
 from .planning import DIRECT, NODES, make_plan, renewed, said
-from .preparation import BUNDLE, COLUMNS, QUANTUM, Prepared, surveyed_bundles
+from .preparation import BUNDLE, COLUMNS, QUANTUM, Prepared, Request, surveyed_bundles
 from .room import check_folder_of, check_room
 
 __all__ = ["Precomputation", "plan", "precompute"]
@@ -35,6 +35,8 @@ def plan(
     bounces: int | str = 0,
     residual: float = RESIDUAL,
     nodes: int | str = "auto",
+    receivers: str = "pixels",
+    normals: str = "smooth",
 ) -> Plan:
     """What `precompute` would compute and leave out, and what it would cost.
 
@@ -44,7 +46,7 @@ def plan(
     ----------
     scene
         Geometry, materials and camera.
-    columns, quality, tolerance, bounces, residual, nodes
+    columns, quality, tolerance, bounces, residual, nodes, receivers, normals
         As for `precompute`.
 
     Returns
@@ -57,7 +59,8 @@ def plan(
     ValueError
         As `precompute`, but for what would not fit on a disk.
     """
-    return Precomputation(scene, columns, quality, tolerance, between(bounces, residual, nodes)).plan
+    asked = between(bounces, residual, nodes)
+    return Precomputation(scene, Request(columns, quality, tolerance, receivers, normals, asked)).plan
 
 
 def precompute(
@@ -71,6 +74,7 @@ def precompute(
     bounces: int | str = 0,
     residual: float = RESIDUAL,
     nodes: int | str = "auto",
+    normals: str = "smooth",
     progress: bool | Progress = True,
 ) -> Transport:
     """Ray traces the light transport of a scene into a directory, and opens it.
@@ -85,7 +89,9 @@ def precompute(
     path
         Directory to make, by custom ``NAME.transport``. A transport that is there is replaced; anything else is not.
     receivers
-        "pixels": the rows of M are what the pixels of the camera show.
+        "pixels": the rows of M are what the pixels of the camera show. "vertices": they are the vertices of the
+        mesh, one for each side that lies open, each material, and each way that the surface faces there; any camera can
+        look at them (`Transport.render`).
     columns
         The basis of the light: `Haar` or `SphericalHarmonics`, or its name ("haar:64", "sh:20"). With texels
         ("haar:64+texels"), the default, suns and lamps go through transport that is not truncated.
@@ -101,6 +107,9 @@ def precompute(
         With "all": no value of a column is further off than this share of its largest.
     nodes
         "auto", as many as light between surfaces varies (at most 32,768), or the most that there may be.
+    normals
+        Of vertices: "smooth", as the scene brings them, else the mean of the faces around by area, up to creases of 40
+        degrees; or "flat".
     progress
         True: a bar on standard error. A callable: progress(rows done, rows in all).
 
@@ -121,11 +130,9 @@ def precompute(
     Rows are T_p = V cos / pi per steradian (Overbeck 2006, eq. 3.2 without the albedo), in the Haar basis that is
     orthonormal on the sphere.
     """
-    if receivers != "pixels":
-        raise ValueError(f'expected receivers="pixels", got {receivers!r}')
-    asked = between(bounces, residual, nodes)
+    request = Request(columns, quality, tolerance, receivers, normals, between(bounces, residual, nodes))
     check_folder_of(Path(path))
-    return Precomputation(scene, columns, quality, tolerance, asked).run(path, progress)
+    return Precomputation(scene, request).run(path, progress)
 
 
 class Precomputation:
@@ -133,21 +140,16 @@ class Precomputation:
 
     Parameters
     ----------
-    scene, columns, quality, tolerance
-        As for `precompute`.
-    asked
-        Of light between surfaces; None: nothing.
+    scene
+        Geometry, materials and camera.
+    request
+        What is asked of it.
+    known
+        Nodes of the same scene that are solved already.
     """
 
-    def __init__(
-        self,
-        scene: Scene,
-        columns: Columns | str,
-        quality: str,
-        tolerance: float | None,
-        asked: Between | None = None,
-    ) -> None:
-        self._prepared = Prepared(scene, columns, quality, tolerance, asked)
+    def __init__(self, scene: Scene, request: Request, known: KnownNodes | None = None) -> None:
+        self._prepared = Prepared(scene, request, known)
 
     @cached_property
     def plan(self) -> Plan:
@@ -178,9 +180,8 @@ class Precomputation:
             "columns": str(self._prepared.columns),
             "version": __version__,
             **asdict(settings),
+            **self._prepared.asked,
         }
-        if self._prepared.between is not None:
-            job |= {"between": asdict(self._prepared.between.asked)}
         writer = TransportWriter(path, json.dumps(job, sort_keys=True))
         run = _Run(self._prepared, writer, reporter(progress, scene.name, self.plan.seconds))
         for part in self.plan.parts:
@@ -199,6 +200,7 @@ class _Run:
         self.started, self.rays = prepared.clock(), 0
         self.parts: list[tuple[str, str, int, int, int, str, int]] = []
         self.link: Link | None = None
+        self.beside: list[tuple[str, list[tuple[str, np.ndarray]]]] = []
         self.solve: Solve | None = None
         self.notes: list[str] = []
 
@@ -229,47 +231,34 @@ class _Run:
 
     def nodes(self, part: Part) -> None:
         """Light between surfaces: what nodes are to each other and to receivers, and their rows."""
-        own = self.prepared.between
+        own, prepared = self.prepared.between, self.prepared
         assert own is not None
-        nodes, columns = len(own.nodes), int(parse(own.columns).columns)
         # In rays, or what takes as long as one.
-        steps = (nodes, self.prepared.count, nodes + columns)
+        steps = (len(own), prepared.count, len(own) + int(parse(own.columns).columns))
         total = sum(steps)
 
         def tell(before: int) -> Callable[[int], None]:
             return lambda done: self.tell(min(before + done, total), total)
 
-        bounces = own.between_nodes(tell(0))
-        links = own.links(bounces, tell(steps[0]))
-        rows = own.rows(bounces, links, self.survey.looked.threshold, QUANTUM, tell(steps[0] + steps[1]))
+        sources = own.sources(tell(0))
+        links = linked(sources, prepared.core, prepared.rows, prepared.settings, tell(steps[0]))
+        made = own.rows(links, self.survey.looked.threshold, QUANTUM, tell(steps[0] + steps[1]))
         self.tell(total, total)
         finished = set(self.writer.finished(part.name))
-        for shard in range(-(-len(rows.tiles) // TILES_PER_SHARD)):
+        for shard in range(-(-len(made.tiles) // TILES_PER_SHARD)):
             if shard not in finished:
-                made = rows.tiles[shard * TILES_PER_SHARD : (shard + 1) * TILES_PER_SHARD]
-                self.writer.write_shard(part.name, shard, made)
-        width = self.prepared.settings.width
-        self.parts.append((part.name, part.columns, rows.rows, bounces.channels, rows.quantum, width, rows.tile_rows))
+                tiles = made.tiles[shard * TILES_PER_SHARD : (shard + 1) * TILES_PER_SHARD]
+                self.writer.write_shard(part.name, shard, tiles)
+        self.parts.append((part.name, own.columns, made.rows, own.channels, made.quantum, made.width, made.tile_rows))
         self.link = links.link
-        shot, lost = bounces.rays
-        self.rays += own.nodes.rays + shot + links.rays + rows.rays
+        self.beside.append(("nodes", [("kept", sources.kept())]))
+        self.rays += links.rays + made.rays
         unspoken, audited, few = links.gathering
-        off = np.quantile(rows.discretisation or [0.0], (0.5, 0.95, 1.0))
-        self.solve = Solve(
-            method="BiCGStab" if rows.krylov else "Neumann",
-            nodes=nodes,
-            products=rows.products,
-            residual=rows.residual,
-            shares=tuple(rows.shares),
-            gathering=(unspoken + audited + few) / self.prepared.count,
-            lost=lost / max(shot, 1),
-            discretisation=(float(off[0]), float(off[1]), float(off[2])),
-        )
-        of = f"of {self.prepared.count:,} receivers"
+        self.solve = replace(made.solve, gathering=(unspoken + audited + few) / prepared.count)
         self.notes += [
-            f"{100 * self.solve.gathering:.1f} % {of} gather: {unspoken:,} as fewer than two nodes speak for them, "
-            f"{audited:,} by the audit, {few:,} as they see four nodes at most; "
-            f"{links.nbytes / self.prepared.count:.1f} bytes of links a receiver",
+            f"{100 * self.solve.gathering:.1f} % of {prepared.count:,} receivers gather: {unspoken:,} as fewer than "
+            f"two nodes speak for them, {audited:,} by the audit, {few:,} as they see four nodes at most; "
+            f"{links.nbytes / prepared.count:.1f} bytes of links a receiver",
             str(self.solve),
         ]
 
@@ -301,22 +290,24 @@ class _Run:
     def finish(self, plan: Plan) -> None:
         """Writes what turns rows into pictures, and what was done and left out."""
         scene, rows = self.prepared.scene, self.prepared.rows
-        camera = scene.camera
         looked = self.survey.looked
         table = rows.table(
-            (camera.height, camera.width),
             scene.albedo_at(rows.triangle, rows.barycentric),
             scene.material[rows.triangle].astype(np.uint16),
         )
+        arrays = scene.arrays()
+        if self.prepared.request.receivers == "vertices":
+            arrays |= {"corners": rows.corners, "shown": rows.shown}
         self.writer.finish(
             parts=self.parts,
             receivers=table,
-            camera=json.dumps(asdict(camera)),
+            camera=json.dumps(asdict(scene.camera)),
             plan=plan.done(self.notes, self.survey.errors, self.survey.without, self.solve).to_json(),
             scene=scene.content_hash(),
             first=len(self.parts),
             link=self.link,
             audit=(looked.groups, looked.audit) if len(looked.groups) else None,
+            beside=[("scene", list(arrays.items())), *self.beside],
         )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._core import Settings, Updater
+from ..camera import Camera
 from ..light.environment import Environment
 from ..transport.transport import Transport
 from ..update.choice import State
@@ -75,6 +76,31 @@ class Frame:
     def image(self) -> NDArray[np.float32]:
         """(height, width, 3) float32 linear radiance; the environment behind the scene where one was given."""
         return self._transport.image(self.values, self._env)
+
+    @cached_property
+    def colours(self) -> NDArray[np.float32]:
+        """(rows, 3) float32 linear radiance of vertices; ValueError where the rows are something else."""
+        return self._transport.colours(self.values)
+
+    def render(self, camera: Camera) -> NDArray[np.float32]:
+        """The frame of vertices as a camera sees it.
+
+        Parameters
+        ----------
+        camera
+            Any.
+
+        Returns
+        -------
+        (height, width, 3) float32
+            Linear radiance; the environment behind the scene where one was given.
+
+        Raises
+        ------
+        ValueError
+            If the rows are no vertices.
+        """
+        return self._transport.render(camera, self.values, self._env)
 
 
 class Relighter:

@@ -81,6 +81,21 @@ def check_corners(corners: np.ndarray, vertices: int) -> None:
         )
 
 
+def checked_normals(normals: npt.ArrayLike, vertices: tuple[int, ...]) -> np.ndarray:
+    """Unit vectors, one for each vertex."""
+    vectors = real_array("normals", normals, np.float64)
+    if vectors.shape != vertices:
+        raise ValueError(f"normals must have shape {vertices}, one per vertex, got {vectors.shape}")
+    lengths = np.linalg.norm(vectors, axis=1)
+    bad = np.flatnonzero(~(np.isfinite(lengths) & (lengths > 0)))
+    if len(bad):
+        raise ValueError(
+            f"normals must be finite and longer than 0, but {len(bad)} of {len(vectors)} are not; "
+            f"the first is that of vertex {bad[0]}"
+        )
+    return np.asarray(vectors / lengths[:, None])
+
+
 def checked_albedo(albedo: npt.ArrayLike) -> np.ndarray:
     colours = real_array("albedo", albedo, np.float32)
     bad = np.argwhere(~((colours >= 0.0) & (colours <= 1.0)))

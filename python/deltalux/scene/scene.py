@@ -9,7 +9,6 @@ Right-handed, +Y up, lengths in any unit; albedos are linear, in [0, 1].
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -20,11 +19,13 @@ import numpy.typing as npt
 
 from ..camera import Camera
 from ..checks import real_array
+from ..surface.surface import Surface
 from . import files
 from .builtin import catalogue
 from .checked import (
     check_corners,
     checked_albedo,
+    checked_normals,
     checked_triangles,
     checked_vertices,
     first_equal_row,
@@ -32,27 +33,17 @@ from .checked import (
     has_area,
 )
 from .content import Content, Piece
-from .texture import bilinear
 
 
-@dataclass(frozen=True, eq=False)
-class Scene:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Scene(Surface):
     """Triangles with diffuse materials, and a camera. Made by `load`, `builtin` or `from_arrays`, not by hand.
 
     Attributes
     ----------
-    vertices : (v, 3) float64
-    triangles : (t, 3) uint32
-        Corners; every triangle has an area and occurs once.
-    material : (t,) uint32
-        For each triangle its row of `albedo`.
-    albedo : (m, 3) float32
-        Linear diffuse reflectance, in [0, 1].
+    vertices, triangles, material, albedo, textures, uv, normals
+        As of a `Surface`.
     camera : Camera
-    textures : m entries, each (h, w, 3) float32 or None
-        Linear factor of the material's albedo; row 0 is the top. A scene without textures has None in all places.
-    uv : (v, 2) float32 or None
-        Texture coordinates, origin at the lower left, repeating.
     name : str
     counts : mapping of str to int
         What was found and put right: degenerate and duplicate triangles, textures ignored and so on.
@@ -60,13 +51,7 @@ class Scene:
         A sentence for everything that a file asked for and the scene leaves out.
     """
 
-    vertices: np.ndarray
-    triangles: np.ndarray
-    material: np.ndarray
-    albedo: np.ndarray
     camera: Camera
-    textures: tuple[np.ndarray | None, ...] = ()
-    uv: np.ndarray | None = None
     name: str = "scene"
     counts: Mapping[str, int] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
@@ -174,6 +159,7 @@ class Scene:
         albedo: npt.ArrayLike = (0.5, 0.5, 0.5),
         camera: Camera | None = None,
         *,
+        normals: npt.ArrayLike | None = None,
         name: str = "arrays",
     ) -> Scene:
         """A scene from plain arrays.
@@ -187,6 +173,8 @@ class Scene:
             Linear reflectance in [0, 1], for the whole scene or for each triangle.
         camera : Camera, optional
             Otherwise one that frames everything.
+        normals : (v, 3) real, optional
+            Of the surface that the triangles stand for, of any length above 0: receivers at vertices face along them.
         name : str
             For titles and reports.
 
@@ -210,7 +198,8 @@ class Scene:
         first = first_equal_row(rows)
         distinct, of_row = np.unique(first, return_inverse=True)
         material = np.broadcast_to(of_row, len(corners))
-        return _assemble(vertices, corners, material, rows[distinct], camera=camera, name=name)
+        shading = None if normals is None else checked_normals(normals, np.shape(vertices))
+        return _assemble(vertices, corners, material, rows[distinct], normals=shading, camera=camera, name=name)
 
     def with_camera(self, camera: Camera) -> Scene:
         """The same scene seen by another camera.
@@ -235,40 +224,7 @@ class Scene:
         str
             64 hexadecimal digits (BLAKE2b).
         """
-        digest = hashlib.blake2b(digest_size=32)
-        arrays = [self.vertices, self.triangles, self.material, self.albedo, self.uv, *self.textures]
-        for array in arrays:
-            digest.update(b"none;" if array is None else f"{array.dtype.str}{array.shape};".encode())
-            if array is not None:
-                digest.update(np.ascontiguousarray(array).data)
-        digest.update(repr(self.camera).encode())
-        return digest.hexdigest()
-
-    def albedo_at(self, triangles: npt.ArrayLike, barycentrics: npt.ArrayLike) -> np.ndarray:
-        """Linear albedo at surface points, textures included (bilinear, repeating).
-
-        Parameters
-        ----------
-        triangles : (k,) integer
-        barycentrics : (k, 2) real
-            Weights (b1, b2) of the second and third corner: the point is (1 - b1 - b2) p0 + b1 p1 + b2 p2.
-
-        Returns
-        -------
-        (k, 3) float32
-            In [0, 1].
-        """
-        triangles = np.asarray(triangles)
-        material = self.material[triangles]
-        albedo: np.ndarray = self.albedo[material]
-        for index, texture in enumerate(self.textures):
-            here = np.flatnonzero(material == index) if texture is not None and self.uv is not None else ()
-            if texture is None or self.uv is None or len(here) == 0:
-                continue
-            b1, b2 = np.asarray(barycentrics, dtype=np.float64)[here].T[:, :, None]
-            uv0, uv1, uv2 = self.uv[self.triangles[triangles[here]]].astype(np.float64).transpose(1, 0, 2)
-            albedo[here] *= bilinear(texture, (1.0 - b1 - b2) * uv0 + b1 * uv1 + b2 * uv2)
-        return albedo
+        return self.digest(repr(self.camera))
 
 
 def _assemble(
@@ -279,6 +235,7 @@ def _assemble(
     *,
     textures: Sequence[np.ndarray | None] = (),
     uv: npt.ArrayLike | None = None,
+    normals: npt.ArrayLike | None = None,
     camera: Camera | None = None,
     name: str = "scene",
     counts: Mapping[str, int] | None = None,
@@ -315,6 +272,7 @@ def _assemble(
         camera=camera,
         textures=pictures or (None,) * len(colours),
         uv=None if uv is None or not any(t is not None for t in pictures) else frozen(uv, np.float32),
+        normals=None if normals is None else frozen(normals, np.float32),
         name=name,
         counts=found,
         warnings=tuple(warnings),

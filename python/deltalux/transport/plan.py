@@ -113,9 +113,9 @@ class Solve:
     lost
         The share of the nodes' rays that met a surface for which no node speaks.
     discretisation
-        How far the indirect light of a receiver is from what 4,096 rays of its own gather from the same nodes, relative
-        to it, under the light prior: median, 95th percentile and largest of 64 receivers. An estimate, which no bound
-        includes.
+        How far the indirect light of a receiver is from what 4,096 rays of its own gather from the same nodes, in the
+        light of all (root mean square), under the light prior: median, 95th percentile and largest of 64 receivers. An
+        estimate, which no bound includes.
     """
 
     method: str
@@ -135,8 +135,8 @@ class Solve:
         return (
             f"solved at {self.nodes:,} nodes by {self.method}: {products}{proved}; bounces are {shares} % of the "
             f"indirect light; {100 * self.lost:.2f} % of the nodes' rays met what no node speaks for; discretisation, "
-            f"estimated and in no bound: {' / '.join(f'{100 * off:.2g}' for off in self.discretisation)} % of a "
-            "receiver's indirect light (median / p95 / most)"
+            f"estimated and in no bound: {' / '.join(f'{100 * off:.2g}' for off in self.discretisation)} % of the "
+            "receivers' light (median / p95 / most of 64)"
         )
 
 

@@ -16,9 +16,14 @@ from .._core import Transport as CoreTransport
 from ..camera import Camera
 from ..columns.haar import Haar
 from ..columns.inner import AnyColumns, parse_any
+from ..progress import Progress
+from ..surface.surface import Surface
 from .entry import GROUP
+from .makers import made
+from .mesh import save_mesh
 from .plan import Plan, Solve
 from .receivers import Pixels, Receivers, of_table
+from .views import Views
 
 if TYPE_CHECKING:
     import scipy.sparse
@@ -175,8 +180,9 @@ class Transport:
 
     @cached_property
     def camera(self) -> Camera:
-        """The camera whose pixels the rows are; ValueError where they are not, FileError where the file names none."""
-        text = self._core.camera if self.pixels else None
+        """The camera whose pixels the rows are, or that vertices are looked at from unless another is asked; ValueError
+        where the file names none, FileError where it names something else."""
+        text = self._core.camera
         if text is None:
             raise ValueError("expected a transport with a camera, but its file names none")
         try:
@@ -294,7 +300,7 @@ class Transport:
         return row[:, 0] if row.shape[1] == 1 else row
 
     def image(self, B: ArrayLike, env: Environment | None = None) -> NDArray[np.float32]:
-        """The picture of a response: albedos in, receivers resolved into their pixels.
+        """The picture of a response: albedos in, receivers resolved into the pixels of the transport's camera.
 
         Parameters
         ----------
@@ -311,20 +317,159 @@ class Transport:
         Raises
         ------
         ValueError
-            If the shape is wrong, the rows are not pixels, or an environment is given and the file names no camera.
+            If the shape is wrong, the rows are neither pixels nor vertices, or the file names no camera.
         """
-        values = np.ascontiguousarray(B, np.float32)
-        if values.shape != (self.shape[0], 3):
-            raise ValueError(f"expected B of shape ({self.shape[0]}, 3), got {values.shape}")
-        pixels = self.pixels
-        picture = pixels.resolve(values)
+        if self.receivers.kind == "vertices":
+            return self.render(self.camera, B, env)
+        values = self._response(B)
+        picture = self.pixels.resolve(values)
         if env is not None:
             env._behind(self._behind, picture)
         return picture
 
+    def _response(self, B: ArrayLike) -> NDArray[np.float32]:
+        values = np.ascontiguousarray(B, np.float32)
+        if values.shape != (self.shape[0], 3):
+            raise ValueError(f"expected B of shape ({self.shape[0]}, 3), got {values.shape}")
+        return values
+
     @cached_property
     def _behind(self) -> Behind:
         return Behind(self.pixels.background, self.camera.directions())
+
+    def render(self, camera: Camera, B: ArrayLike, env: Environment | None = None) -> NDArray[np.float32]:
+        """The picture of a response at vertices as any camera sees it.
+
+        Rays find what a pixel shows; values are mixed between the vertices around and then multiplied by the albedo of
+        the point. The first rays of a camera are remembered.
+
+        Parameters
+        ----------
+        camera
+            Where it is looked at from.
+        B
+            (rows, 3): a product.
+        env
+            What lies behind the scene; None: black.
+
+        Returns
+        -------
+        (height, width, 3) float32
+            Linear radiance, row 0 at the top.
+
+        Raises
+        ------
+        ValueError
+            If the shape is wrong, the rows are no vertices, or the file keeps no scene.
+        """
+        picture, behind = self._views.picture(camera, self._response(B))
+        if env is not None:
+            env._behind(behind, picture)
+        return picture
+
+    def colours(self, B: ArrayLike) -> NDArray[np.float32]:
+        """The colours of vertices under a response: albedos in; what lies inside something shows its neighbour's light.
+
+        Parameters
+        ----------
+        B
+            (rows, 3): a product.
+
+        Returns
+        -------
+        (rows, 3) float32
+            Linear radiance.
+
+        Raises
+        ------
+        ValueError
+            If the shape is wrong or the rows are no vertices.
+        """
+        return self.albedo * self._response(B)[self._views.shown]
+
+    def save_colours(self, path: str | os.PathLike[str], B: ArrayLike, exposure: float = 0.0) -> None:
+        """Writes the mesh with the colours of its vertices.
+
+        Parameters
+        ----------
+        path
+            A .glb, with linear colours and a material without light of its own, or a .ply, with 8-bit sRGB.
+        B
+            (rows, 3): a product.
+        exposure
+            Stops.
+
+        Raises
+        ------
+        ValueError
+            If the shape is wrong, the rows are no vertices, or the name ends otherwise.
+        OSError
+            If the disk refuses.
+        """
+        receivers, scale = self.receivers, np.float32(2.0**exposure)
+        save_mesh(path, receivers.position, receivers.normal, self._views.triangles, scale * self.colours(B))
+
+    @cached_property
+    def surface(self) -> Surface:
+        """The triangles and materials that M was computed from, as the file keeps them; ValueError where it keeps none
+        (before 0.5), FileError where they are not those of its manifest."""
+        arrays = self._core.beside("scene")
+        if arrays is None:
+            raise ValueError(
+                "expected a transport that keeps its scene, but this file was made before 0.5; make it anew"
+            )
+        try:
+            surface = Surface.restored(arrays)
+        except ValueError as error:
+            raise FileError(f"scene.safetensors: {error}") from None
+        if surface.digest(repr(self.camera)) != self._core.scene:
+            raise FileError("scene.safetensors: expected the scene of the manifest, found another one")
+        return surface
+
+    @cached_property
+    def _views(self) -> Views:
+        if self.receivers.kind != "vertices":
+            kind = self.receivers.kind
+            raise ValueError(f"expected a transport of vertices for a view of one's own, but its rows are {kind}")
+        arrays = self._core.beside("scene") or {}
+        try:
+            return Views.of(self.surface, arrays, self.shape[0])
+        except FileError:
+            raise
+        except ValueError as error:
+            raise FileError(f"scene.safetensors: {error}") from None
+
+    def for_camera(
+        self, camera: Camera, path: str | os.PathLike[str], *, progress: bool | Progress = True
+    ) -> Transport:
+        """The transport of the same scene for the pixels of another camera.
+
+        Light that arrives directly is traced for what the camera sees. Light between surfaces is not solved again: the
+        nodes and their rows are taken over, and receivers are linked to them. What the first camera did not see has
+        nodes where it was seen from there at second hand.
+
+        Parameters
+        ----------
+        camera
+            The other one.
+        path
+            Directory to make, as for `precompute`.
+        progress
+            As for `precompute`.
+
+        Returns
+        -------
+        Transport
+            Opened from `path`, of the same columns and quality.
+
+        Raises
+        ------
+        ValueError
+            If the rows are no pixels, the file keeps no scene, or the result would not fit.
+        OSError
+            If the disk refuses.
+        """
+        return made("for_camera")(self, camera, path, progress)
 
     @cached_property
     def column_norms(self) -> NDArray[np.float64]:

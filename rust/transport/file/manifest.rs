@@ -18,7 +18,7 @@ pub const MAJOR: u32 = 2;
 /// The first version: one matrix of pixels, whose part has no name. It is read for good.
 pub const FIRST: u32 = 1;
 /// The minor version that is written.
-pub const MINOR: u32 = 0;
+pub const MINOR: u32 = 1;
 /// The file that is written last and read first.
 pub const MANIFEST: &str = "manifest.json";
 /// The file of what each row is.
@@ -117,8 +117,11 @@ pub struct Manifest {
     pub plan: Box<RawValue>,
     /// Identifies the scene that M was computed from.
     pub scene: String,
-    /// All other files: shards part by part, receivers, link, audit.
+    /// All files that the product needs: shards part by part, receivers, link, audit.
     pub files: Vec<FileEntry>,
+    /// Files that it does not need, since 2.1: the scene and its nodes.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub beside: Vec<FileEntry>,
 }
 
 /// What a newcomer sees first in a manifest of whatever version.

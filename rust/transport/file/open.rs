@@ -11,6 +11,7 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 
+use super::beside::Beside;
 use super::link;
 use super::manifest::{FileEntry, MANIFEST, Manifest, PartEntry};
 use super::receivers;
@@ -43,6 +44,8 @@ pub struct Opened {
     pub receivers: ReceiverTable,
     /// Untruncated sample groups, where the writer kept any.
     pub audit: Option<Audit>,
+    /// What lies beside the product.
+    pub beside: Vec<Beside>,
 }
 
 /// Opens a directory by memory map. Every file is read once for its checksum, in parallel.
@@ -84,7 +87,9 @@ pub fn open(directory: &Path) -> Result<Opened> {
         Error::Input(_) => manifest_error(error),
         other => other,
     })?;
-    Ok(Opened { manifest, product, receivers, audit })
+    let beside = manifest.beside.iter().filter_map(|entry| Beside::read(directory, entry).transpose());
+    let beside = beside.collect::<Result<_>>()?;
+    Ok(Opened { manifest, product, receivers, audit, beside })
 }
 
 /// A part from its tiles.

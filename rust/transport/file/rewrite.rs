@@ -41,7 +41,7 @@ pub fn rewrite(
     plan: String,
     step: impl Fn(usize) -> Result<()> + Sync,
 ) -> Result<()> {
-    let Opened { manifest, product, receivers, audit } = stored;
+    let Opened { manifest, product, receivers, audit, beside } = stored;
     let matrix = product.alone().ok_or_else(|| {
         let count = manifest.parts.len();
         Error::input(format!("expected a transport of one part to truncate, got one of {count}"))
@@ -76,7 +76,9 @@ pub fn rewrite(
         camera: manifest.receivers.camera.as_ref().map(|camera| camera.get().to_owned()),
         plan,
         scene: manifest.scene.clone(),
+        beside: beside.clone(),
     };
     // An audit counts in the quantum of its file.
-    writer.finish(&about, receivers, audit.as_ref().filter(|_| rule.quantum == matrix.quantum))
+    let audit = audit.as_ref().filter(|_| rule.quantum == matrix.quantum);
+    writer.finish(&about, receivers, audit)
 }

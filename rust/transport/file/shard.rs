@@ -187,6 +187,14 @@ impl Shard {
         self.metadata.info(name).is_some()
     }
 
+    /// Name, type and shape of every array, by name.
+    pub fn arrays(&self) -> Vec<(String, Dtype, Vec<usize>)> {
+        let all = self.metadata.tensors();
+        let mut all: Vec<_> = all.into_iter().map(|(name, info)| (name, info.dtype, info.shape.clone())).collect();
+        all.sort_by(|a, b| a.0.cmp(&b.0));
+        all
+    }
+
     /// Refuses a file with arrays that nothing asks for.
     pub fn expect_count(&self, count: usize) -> Result<()> {
         let found = self.metadata.tensors().len();

@@ -68,6 +68,7 @@ impl From<Version1> for Manifest {
             plan: old.plan,
             scene: old.scene,
             files: old.files,
+            beside: Vec::new(),
         }
     }
 }

@@ -14,6 +14,7 @@ use serde_json::value::RawValue;
 use crate::basis::ColumnSpace;
 use crate::error::{Error, Result};
 
+use super::beside::{self, Beside};
 use super::link;
 use super::manifest::{
     AUDIT, FORMAT, FileEntry, LINK, MAJOR, MANIFEST, MINOR, Manifest, PartEntry, RECEIVERS, ReceiversEntry,
@@ -67,6 +68,8 @@ pub struct Description {
     pub plan: String,
     /// The hash of the scene that M was computed from.
     pub scene: String,
+    /// What lies beside the product, in the order of `beside::FILES`.
+    pub beside: Vec<Beside>,
 }
 
 /// A transport being written.
@@ -137,7 +140,7 @@ impl Writer {
         Ok(bytes)
     }
 
-    /// Completes the run: receivers, link, audit, manifest, a full check of everything as a reader would see it, and
+    /// Completes the run: receivers, link, audit, what lies beside, manifest, a full check of everything as a reader would see it, and
     /// publication.
     pub fn finish(self, about: &Description, table: &ReceiverTable, audit: Option<&Audit>) -> Result<()> {
         table.check(about.receiving_rows()?).map_err(Error::Input)?;
@@ -159,6 +162,9 @@ impl Writer {
             let mut all = tensors("audit", &audit.tile);
             all.push(Tensor::new("audit.groups", &[audit.groups.len()], &audit.groups));
             manifest.files.push(write_tensors(&self.partial, AUDIT, all)?);
+        }
+        for own in &about.beside {
+            manifest.beside.push(write_tensors(&self.partial, own.file, own.tensors())?);
         }
         let text = serde_json::to_vec_pretty(&manifest).map_err(|error| Error::input(error.to_string()))?;
         write_file(&self.partial, MANIFEST, std::iter::once(&text[..]))?;
@@ -217,6 +223,7 @@ impl Description {
             plan: raw("the plan", &self.plan)?,
             scene: self.scene.clone(),
             files: Vec::new(),
+            beside: Vec::new(),
         })
     }
 }
@@ -275,6 +282,7 @@ fn parse_shard(name: &str) -> Option<(&str, usize, &str)> {
 /// Whether a name is one that this file writes. Nothing else is ever removed.
 fn is_ours(name: &str) -> bool {
     [MANIFEST, RECEIVERS, LINK, AUDIT, JOB, LOCK].contains(&name)
+        || beside::FILES.contains(&name)
         || name.starts_with(".tmp-")
         || parse_shard(name).is_some()
 }

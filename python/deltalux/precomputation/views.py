@@ -1,0 +1,34 @@
+"""Other views of a scene whose transport is there: what does not depend on the camera is taken over."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from ..camera import Camera
+from ..progress import Progress
+from ..scene.scene import Scene
+from ..transport.makers import maker
+from ..transport.transport import Transport
+from .between import KnownNodes
+from .preparation import Request
+from .room import check_folder_of
+from .run import Precomputation
+
+__all__ = ["for_camera"]
+
+
+@maker("for_camera")
+def for_camera(
+    transport: Transport, camera: Camera, path: str | os.PathLike[str], progress: bool | Progress = True
+) -> Transport:
+    """What `Transport.for_camera` asks."""
+    if transport.receivers.kind != "pixels":
+        kind = transport.receivers.kind
+        raise ValueError(f"expected a transport of pixels for another camera, but its rows are {kind}; `render` them")
+    check_folder_of(Path(path))
+    plan = transport.plan
+    scene = Scene(**vars(transport.surface), camera=camera, name=plan.scene)
+    request = Request(str(transport.columns), plan.quality, plan.tolerance)
+    known = KnownNodes(transport) if transport.nodes else None
+    return Precomputation(scene, request, known).run(path, progress)

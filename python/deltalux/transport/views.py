@@ -1,0 +1,108 @@
+"""The scene that a transport keeps, looked at again: pictures of vertices from any camera."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._core import Behind, ReceiverTable
+from .._core import Receivers as Rows
+from .._core import Scene as CoreScene
+from ..camera import Camera
+from ..surface.surface import Surface
+
+__all__ = ["Views"]
+
+_KEPT = 4
+"""Cameras that are remembered: their first rays take longer than all the rest."""
+
+
+_NO_ROW = np.iinfo(np.uint32).max
+
+
+@dataclass(frozen=True)
+class _View:
+    """What a camera's pixels show of the surfaces."""
+
+    rows: Rows
+    table: ReceiverTable
+    behind: Behind
+
+
+class Views:
+    """Vertices of a scene as cameras see them.
+
+    Values are mixed between vertices, and only then multiplied by the albedo of the point: textures stay sharp.
+
+    Parameters
+    ----------
+    surface
+        The scene.
+    corners
+        (t, 6) uint32: the rows that each triangle's corners show in front, and behind.
+    shown
+        (rows,) uint32: the row whose light each row shows.
+    """
+
+    def __init__(self, surface: Surface, corners: NDArray[np.uint32], shown: NDArray[np.uint32]) -> None:
+        self._surface, self._corners, self.shown = surface, corners, shown
+        self._views: dict[Camera, _View] = {}
+
+    @staticmethod
+    def of(surface: Surface, arrays: Mapping[str, NDArray[np.uint32]], rows: int) -> Views:
+        """From what lies beside a transport of vertices.
+
+        Raises
+        ------
+        ValueError
+            If an array is missing or names rows that are not there.
+        """
+        shape = {"corners": (len(surface.triangles), 6), "shown": (rows,)}
+        for name, expected in shape.items():
+            found = arrays.get(name)
+            if found is None or found.dtype != np.uint32 or found.shape != expected:
+                raise ValueError(f"expected {name} of uint32 and shape {expected}")
+        corners, shown = arrays["corners"], arrays["shown"]
+        there = corners != _NO_ROW
+        if shown.max() >= rows or corners[there].max(initial=0) >= rows:
+            raise ValueError(f"expected the corners of triangles to be rows below {rows}")
+        shows = corners.copy()
+        shows[there] = shown[corners[there]]
+        return Views(surface, shows, shown)
+
+    @cached_property
+    def _traced(self) -> CoreScene:
+        return self._surface.traced()
+
+    @property
+    def triangles(self) -> NDArray[np.uint32]:
+        """The rows at the corners of all sides that lie open, each wound as it is seen from there: (n, 3) uint32."""
+        sides = np.concatenate([self._corners[:, :3], self._corners[:, :2:-1]])
+        return np.asarray(sides[(sides != _NO_ROW).all(axis=1)])
+
+    @cached_property
+    def _both(self) -> NDArray[np.uint32]:
+        """Rows for both sides of all triangles: an inside that a camera has got into shows the outside."""
+        front, back = self._corners[:, :3], self._corners[:, 3:]
+        return np.concatenate([np.where(front == _NO_ROW, back, front), np.where(back == _NO_ROW, front, back)], axis=1)
+
+    def _view(self, camera: Camera) -> _View:
+        found = self._views.get(camera)
+        if found is None:
+            rows = self._traced.receivers(camera.rays(), edges=True)
+            albedo = self._surface.albedo_at(rows.triangle, rows.barycentric)
+            table = rows.table(albedo, self._surface.material[rows.triangle].astype(np.uint16))
+            found = _View(rows, table, Behind(table.background, camera.directions()))
+            while len(self._views) >= _KEPT:
+                self._views.pop(next(iter(self._views)), None)
+            self._views[camera] = found
+        return found
+
+    def picture(self, camera: Camera, B: NDArray[np.float32]) -> tuple[NDArray[np.float32], Behind]:
+        """The picture of a response at vertices, (height, width, 3), and what puts an environment behind it."""
+        view = self._view(camera)
+        return view.table.resolve(view.rows.interpolated(self._both, B)), view.behind

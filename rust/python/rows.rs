@@ -1,0 +1,217 @@
+//! Rows of M as a scene has them: what a camera's pixels show, or vertices.
+
+use std::sync::Arc;
+
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use pyo3::prelude::*;
+use rayon::prelude::*;
+
+use crate::error::{Error, Result};
+use crate::scene::{self as core, Mesh, Points, Vertices};
+use crate::transport::{ReceiverKind, ReceiverTable as Table};
+
+use super::arrays::{rows, rows_of, to_vec, to_vec_of_rows, vectors};
+use super::compute;
+use super::receivers::ReceiverTable;
+
+/// A perspective camera, its frame made orthonormal by the caller.
+#[pyclass(frozen, module = "deltalux._core")]
+pub(super) struct Camera(pub(super) core::Camera);
+
+#[pymethods]
+impl Camera {
+    /// position, right, up, forward: world coordinates; half_height: tangent of half the vertical field of view.
+    #[new]
+    #[pyo3(signature = (*, position, right, up, forward, half_height, width, height))]
+    fn new(
+        position: [f64; 3],
+        right: [f64; 3],
+        up: [f64; 3],
+        forward: [f64; 3],
+        half_height: f64,
+        width: usize,
+        height: usize,
+    ) -> PyResult<Self> {
+        let camera = core::Camera { position, right, up, forward, half_height, width, height };
+        camera.check()?;
+        Ok(Camera(camera))
+    }
+}
+
+/// Rows of M.
+#[pyclass(frozen, module = "deltalux._core")]
+pub(super) struct Receivers {
+    points: Arc<Points>,
+    /// In the user's space.
+    position: Vec<[f32; 3]>,
+    /// The user's number of each row's triangle, and the place in it.
+    triangle: Vec<u32>,
+    barycentric: Vec<[f32; 2]>,
+    /// Whether it is the back of the triangle.
+    back: Vec<bool>,
+    rays: u64,
+    kind: Kind,
+}
+
+/// What rows stand for.
+enum Kind {
+    Pixels { image: [usize; 2], pixel: Vec<u32>, weight: Vec<f32>, background: Vec<f32> },
+    Vertices(Vertices),
+}
+
+impl Receivers {
+    /// What a camera's pixels show.
+    pub(super) fn of_pixels(mesh: &Mesh, camera: &core::Camera, rows: core::Receivers) -> Self {
+        let core::Receivers { pixel, weight, triangle, barycentric, points, background, rays } = rows;
+        let image = [camera.height, camera.width];
+        let back = triangle.iter().zip(&points.normal).map(|(&triangle, normal)| mesh.is_back(triangle, *normal));
+        Receivers {
+            back: back.collect(),
+            position: points.origin.iter().map(|origin| mesh.world(origin.map(f64::from))).collect(),
+            triangle: triangle.into_iter().map(|triangle| mesh.source[triangle as usize]).collect(),
+            barycentric,
+            points,
+            rays,
+            kind: Kind::Pixels { image, pixel, weight, background },
+        }
+    }
+
+    /// The vertices of a scene.
+    pub(super) fn of_vertices(mesh: &Mesh, rows: Vertices) -> Self {
+        Receivers {
+            position: rows.places.iter().map(|at| mesh.world(at.place)).collect(),
+            triangle: rows.places.iter().map(|at| mesh.source[at.triangle as usize]).collect(),
+            barycentric: rows.places.iter().map(|at| at.barycentric).collect(),
+            points: Arc::clone(&rows.points),
+            back: rows.places.iter().map(|at| mesh.is_back(at.triangle, at.normal.map(|n| n as f32))).collect(),
+            rays: 0,
+            kind: Kind::Vertices(rows),
+        }
+    }
+
+    /// Where the rows' rays start.
+    pub(super) fn points(&self) -> Arc<Points> {
+        Arc::clone(&self.points)
+    }
+
+    /// What is known of vertices; refuses pixels.
+    pub(super) fn vertices(&self) -> Result<&Vertices> {
+        match &self.kind {
+            Kind::Pixels { .. } => Err(Error::input("expected vertices, but these rows are pixels")),
+            Kind::Vertices(rows) => Ok(rows),
+        }
+    }
+}
+
+#[pymethods]
+impl Receivers {
+    /// The number of rows.
+    fn __len__(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Rays shot to find them.
+    #[getter]
+    fn rays(&self) -> u64 {
+        self.rays
+    }
+
+    /// Pixels in which nothing is seen; 0 of vertices.
+    #[getter]
+    fn unseen(&self) -> usize {
+        match &self.kind {
+            Kind::Pixels { background, .. } => background.iter().filter(|&&share| share == 1.0).count(),
+            Kind::Vertices(_) => 0,
+        }
+    }
+
+    /// The user's number of each row's triangle, (rows,) uint32.
+    #[getter]
+    fn triangle(&self, py: Python<'_>) -> Py<PyArray1<u32>> {
+        PyArray1::from_slice(py, &self.triangle).unbind()
+    }
+
+    /// Weights of the triangle's corners 1 and 2 at the point, (rows, 2) float32.
+    #[getter]
+    fn barycentric(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f32>>> {
+        rows_of(py, &self.barycentric)
+    }
+
+    /// Of vertices: the rows of each of the user's triangles, in front and then behind, (t, 6) uint32; the largest number
+    /// where there is none.
+    #[getter]
+    fn corners(&self, py: Python<'_>) -> PyResult<Py<PyArray2<u32>>> {
+        let corners: Vec<[u32; 6]> =
+            self.vertices()?.corners.iter().map(|[a, b]| [a[0], a[1], a[2], b[0], b[1], b[2]]).collect();
+        rows_of(py, &corners)
+    }
+
+    /// Of vertices: the row whose light each row shows, (rows,) uint32; of what lies inside something another one.
+    #[getter]
+    fn shown(&self, py: Python<'_>) -> PyResult<Py<PyArray1<u32>>> {
+        Ok(PyArray1::from_slice(py, &self.vertices()?.shown).unbind())
+    }
+
+    /// What a response at vertices, (vertices, 3) float32, is at these rows: (rows, 3). `corners`: the rows of that response
+    /// that each of the user's triangles takes in front and behind, (t, 6) uint32.
+    fn interpolated<'py>(
+        &self,
+        py: Python<'py>,
+        corners: PyReadonlyArray2<'py, u32>,
+        response: PyReadonlyArray2<'py, f32>,
+    ) -> PyResult<Bound<'py, PyArray2<f32>>> {
+        let response = vectors("a response", &response)?;
+        let corners = corners.as_slice()?;
+        let out = compute(py, || {
+            let mut out = vec![[0f32; 3]; self.triangle.len()];
+            out.par_iter_mut().enumerate().try_for_each(|(k, out)| {
+                let (triangle, [b1, b2]) = (self.triangle[k], self.barycentric[k]);
+                let refusal = || Error::input(format!("expected rows for the corners of triangle {triangle}"));
+                let first = 6 * triangle as usize + if self.back[k] { 3 } else { 0 };
+                let own = corners.get(first..first + 3).ok_or_else(refusal)?;
+                for (&row, weight) in own.iter().zip([1.0 - b1 - b2, b1, b2]) {
+                    let value = response.get(row as usize).ok_or_else(refusal)?;
+                    (0..3).for_each(|k| out[k] += weight * value[k]);
+                }
+                Ok::<_, Error>(())
+            })?;
+            Ok(out)
+        })?;
+        rows(py, (out.len(), 3), out.into_flattened())
+    }
+
+    /// Rows that lie inside something and see nothing.
+    #[getter]
+    fn buried(&self) -> usize {
+        self.vertices().map_or(0, |rows| rows.buried.iter().filter(|&&buried| buried).count())
+    }
+
+    /// The rows of a transport: with what the materials say of each, albedo (rows, 3) float32 and material (rows,) uint16.
+    fn table(&self, albedo: PyReadonlyArray2<'_, f32>, material: PyReadonlyArray1<'_, u16>) -> PyResult<ReceiverTable> {
+        let kind = match &self.kind {
+            Kind::Pixels { image, pixel, weight, background } => ReceiverKind::Pixels {
+                image: *image,
+                pixel: pixel.clone().into(),
+                weight: weight.clone().into(),
+                background: background.clone().into(),
+            },
+            Kind::Vertices(rows) => ReceiverKind::Vertices {
+                vertex: rows.vertex.clone().into(),
+                buried: rows.buried.iter().map(|&buried| u8::from(buried)).collect::<Vec<_>>().into(),
+            },
+        };
+        Ok(ReceiverTable::checked(Table {
+            albedo: to_vec_of_rows("albedo", &albedo, self.points.len())?.into(),
+            position: self.position.as_flattened().to_vec().into(),
+            normal: self.points.normal.as_flattened().to_vec().into(),
+            material: Some(to_vec(&material).into()),
+            kind,
+        })?)
+    }
+}
+
+/// Adds what this file has for Python to the module.
+pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<Camera>()?;
+    module.add_class::<Receivers>()
+}
