@@ -59,8 +59,13 @@ PYTHON_NEVER = {
     "report": {"scene", "precomputation"},
     "studies": {"scene", "precomputation"},
 }
-# Studies that bring a scene of their own, and what lists or runs all studies.
-TRACES = {"studies/harmonics/blocker", "studies/catalogue", "studies/run", "studies/__init__"}
+# Studies that trace scenes, and what lists or runs all studies.
+TRACES = {
+    "studies/harmonics/blocker",
+    *(f"studies/interreflection/{name}" for name in ("tracing", "furnaces", "furnace_pages", "bounces", "slides")),
+    *(f"studies/interreflection/bounce_{name}" for name in ("findings", "pictures", "claims")),
+    *("studies/catalogue", "studies/run", "studies/__init__"),
+}
 # What a type checker sees upwards or across a floor, and no program runs.
 GLANCES = {
     # Light projects itself: columns only say in their signatures that they are asked with light.

@@ -21,6 +21,7 @@ from deltalux.studies.coherence.equal_quality import nwa_light_errors, terms_for
 from deltalux.studies.coherence.ghosts import cubemap_ghosts, image_ghosts
 from deltalux.studies.coherence.plane import Candidate, best_within, candidates, measure
 from deltalux.studies.coherence.reset_raster import rasters
+from deltalux.studies.interreflection import furnace_pages, furnaces
 from deltalux.studies.pictures import cross
 from deltalux.update.methods import Full, Incremental, Nonlinear, PerBand
 from hypothesis import given
@@ -37,20 +38,40 @@ def rows_of(path):
 
 
 def named(names):
-    """Studies as parameters; three of them take their time."""
-    slow = {"phase-map", "harmonics", "blocker"}
+    """Studies as parameters; some of them take their time."""
+    slow = {"phase-map", "harmonics", "blocker", "bounces", "slides"}
     return [pytest.param(name, marks=pytest.mark.slow) if name in slow else name for name in names]
+
+
+@pytest.fixture(autouse=True)
+def few_furnaces(monkeypatch):
+    """Rooms of one albedo show all that those of four do."""
+    monkeypatch.setattr(furnaces, "ALBEDOS", (0.9,))
+    monkeypatch.setattr(furnace_pages, "ALBEDOS", (0.9,))
+
+
+@pytest.fixture
+def looked_at(cornell, cornell_texels):
+    """What a study is given to look at: a transport, or a scene if it traces scenes itself."""
+
+    def given(name):
+        chosen = STUDIES[name]
+        if chosen.traces:
+            scene = dl.Scene.builtin(chosen.traces)
+            return {"scene": scene.with_camera(scene.camera.resized(24, 24))}
+        looks = chosen.needs_scene or chosen.scene_files
+        return {"transport": [cornell_texels if chosen.needs_texels else cornell] if looks else []}
+
+    return given
 
 
 # One line for a new study: its name in STUDIES.
 @pytest.mark.parametrize("name", named(STUDIES))
-def test_every_study_leaves_what_it_promises(cornell, cornell_texels, tmp_path, name):
+def test_every_study_leaves_what_it_promises(looked_at, tmp_path, name):
     chosen, folder = STUDIES[name], tmp_path / name
-    transports = (
-        [cornell_texels if chosen.needs_texels else cornell] if chosen.needs_scene or chosen.scene_files else []
-    )
-    page = study(name, folder, HALL, transports, motion=SHORT, columns=dl.Haar(8), progress=False)
-    ((chapter, case),) = check_study(name, folder, HALL, transports, motion=SHORT, columns=dl.Haar(8))
+    given = {"motion": SHORT, "columns": dl.Haar(8), **looked_at(name)}
+    page = study(name, folder, HALL, progress=False, **given)
+    ((chapter, case),) = check_study(name, folder, HALL, **given)
     promised = {f"{chapter}-{kind}" for kind in chosen.files(case)}
     assert {path.name for path in folder.iterdir()} == {*promised, "index.html", ".deltalux-files"}
     assert all((folder / name).stat().st_size > 0 for name in promised)
@@ -80,14 +101,13 @@ def test_light_alone_needs_no_scene(tmp_path, name):
 
 @pytest.mark.parametrize("light", ["grey", "one texel"])
 @pytest.mark.parametrize("name", named(name for name in STUDIES if name != "blocker"))
-def test_plain_and_extreme_lights(cornell, cornell_texels, tmp_path, name, light):
+def test_plain_and_extreme_lights(looked_at, tmp_path, name, light):
     """A constant sky, of which nothing is left to send, and a sun of 1e5 in one texel."""
     faces = np.full((6, 8, 8, 3), float(light == "grey"))
     faces[2, 3, 3] = 1.0 if light == "grey" else 1e5
     motion = Motion(-20.0, 8, 0, "x")
-    transports = [cornell_texels if STUDIES[name].needs_texels else cornell] if STUDIES[name].scene_files else []
-    env = dl.Environment.from_cubemap(faces)
-    assert study(name, tmp_path / "out", env, transports, motion=motion, columns=dl.Haar(8), progress=False).is_file()
+    env, given = dl.Environment.from_cubemap(faces), looked_at(name)
+    assert study(name, tmp_path / "out", env, motion=motion, columns=dl.Haar(8), progress=False, **given).is_file()
 
 
 def test_bad_requests_are_refused_before_anything_is_written(cornell, tmp_path):
@@ -97,9 +117,12 @@ def test_bad_requests_are_refused_before_anything_is_written(cornell, tmp_path):
         (("energy", out, []), "at least one environment"),
         (("equal-time", out, HALL), "expected a scene"),
         (("peaks", out, HALL, cornell), "expected a transport in columns like haar:64\\+texels"),
+        (("slides", out, HALL, cornell), "traces scenes itself: expected a scene"),
     ):
         with pytest.raises(ValueError, match=message):
             study(*arguments)
+    with pytest.raises(ValueError, match="looks at transports: expected one of cornell"):
+        study("energy", out, HALL, scene=dl.Scene.builtin("cornell"))
     black = dl.Environment.from_latlong(np.zeros((4, 8, 3)))
     for env, motion, message in (
         (black, SHORT, "lat-long array is black"),

@@ -11,7 +11,9 @@ from ..columns import Haar, parse
 from ..output import check_folder
 from ..precomputation.run import precompute
 from ..scene.builtin.catalogue import SCENES
+from ..scene.scene import Scene
 from ..studies import STUDIES, check_study, study
+from ..studies.shape import Study
 from ..transport.transport import Transport
 from .arguments import add_command, add_light, add_motion, environment_of, motion_of, read_size, say, scene_of
 from .own import add_own
@@ -27,23 +29,33 @@ def add(commands: Any) -> None:
     command.set_defaults(when_stopped="stopped; transports so far resume when the same command runs again")
     command.add_argument("study", choices=STUDIES, metavar="NAME", help=", ".join(STUDIES))
     add_light(command, several=True, default=_STUDY_LIGHT)
-    scenes = f"{', '.join(SCENES)}, a file, or a transport; may be given again; default: none, the light alone"
+    traces = ", ".join(f"for {name} {study.traces}" for name, study in STUDIES.items() if study.traces)
+    scenes = (
+        f"{', '.join(SCENES)}, a file, or a transport; may be given again; default: none, the light alone; {traces}"
+    )
     command.add_argument("--scene", action="append", default=[], metavar="SCENE", help=scenes)
     command.add_argument(
         "--size", type=read_size, default=(128, 128), metavar="WxH", help="of scenes; default: 128x128"
     )
-    command.add_argument("--columns", metavar="haar:N", help="default: haar:64, for peaks haar:64+texels")
+    command.add_argument("--columns", metavar="haar:N", help=f"default: {_columns()}")
     add_motion(command, rotate=45.0, hold=25)
     add_own(command, f" (in {', '.join(name for name, study in STUDIES.items() if study.takes_methods)})")
     command.add_argument("-o", "--output", metavar="FOLDER", help="default: deltalux-study-NAME")
 
 
+def _columns() -> str:
+    """What most studies measure light in, and what the others do."""
+    usual = Study.columns
+    others = (f"for {name} {study.columns}" for name, study in STUDIES.items() if study.columns != usual)
+    return ", ".join([str(usual), *others])
+
+
 def _study(chosen: argparse.Namespace) -> None:
-    """One study; scenes that are not transports yet are traced into its folder first."""
+    """One study; scenes that are not transports yet are traced into its folder first, if it does not trace them."""
     name, motion = chosen.study, motion_of(chosen)
     folder = Path(chosen.output or f"deltalux-study-{name}")
     envs = [environment_of(env, chosen) for env in chosen.env or [_STUDY_LIGHT]]
-    chosen.columns = chosen.columns or ("haar:64+texels" if STUDIES[name].needs_texels else "haar:64")
+    chosen.columns = chosen.columns or str(STUDIES[name].columns)
     columns, own = parse(chosen.columns), chosen.method
     if not isinstance(columns, Haar):
         raise ValueError(f"studies follow wavelets: expected --columns haar:N, got {columns}")
@@ -52,9 +64,19 @@ def _study(chosen: argparse.Namespace) -> None:
     if not chosen.scene:
         check_study(name, folder, envs, motion=motion, columns=columns, methods=own)
     check_folder(folder)
-    transports = [_study_transport(scene, chosen, folder) for scene in chosen.scene]
-    page = study(name, folder, envs, transports, motion=motion, columns=columns, methods=own)
+    traced = STUDIES[name].traces
+    scenes = [_study_scene(scene, chosen) for scene in chosen.scene or [traced]] if traced else []
+    transports = [] if traced else [_study_transport(scene, chosen, folder) for scene in chosen.scene]
+    page = study(name, folder, envs, transports, scene=scenes, motion=motion, columns=columns, methods=own)
     say(f"{page.parent.absolute()} holds the study; open {page.absolute()} in a browser")
+
+
+def _study_scene(name: str, chosen: argparse.Namespace) -> Scene:
+    """A scene that the study traces itself, seen in the size that was asked for."""
+    if name not in SCENES and os.path.isdir(name):
+        raise ValueError(f"the study {chosen.study} traces scenes itself: expected a scene, got the transport {name}")
+    chosen.scene, chosen.camera = name, None
+    return scene_of(chosen)
 
 
 def _study_transport(name: str, chosen: argparse.Namespace, folder: Path) -> Transport:

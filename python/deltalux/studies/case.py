@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,9 @@ from ..light.motion import Motion
 from ..relight.entrants import Entrant
 from ..transport.transport import Transport
 from ..update.approximation import Approximation, Update
+
+if TYPE_CHECKING:
+    from ..scene.scene import Scene
 
 __all__ = ["Case", "Light", "Moment", "band_starts", "follow", "light_errors", "lights"]
 
@@ -32,10 +35,14 @@ class Case:
     transport: Transport | None = None
     own: tuple[Entrant, ...] = ()
     """Methods of one's own that take part."""
+    scene: Scene | None = None
+    """What a study traces itself, in several ways."""
 
     @property
     def name(self) -> str:
         """The light, and the scene if there is one."""
+        if self.scene is not None:
+            return f"{self.env.name} on {self.scene.name}"
         return self.env.name if self.transport is None else f"{self.env.name} on {self.transport.plan.scene}"
 
 

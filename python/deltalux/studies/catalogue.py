@@ -5,6 +5,7 @@ from __future__ import annotations
 from . import peaks
 from .coherence import coverage, energy, equal_quality, equal_time, evolution, lighting_error, phase_map, reset_raster
 from .harmonics import blocker, two_bases
+from .interreflection import bounces, slides
 from .shape import Study
 
 __all__ = ["STUDIES"]
@@ -21,5 +22,7 @@ STUDIES: dict[str, Study] = {
     "peaks": peaks.STUDY,
     "harmonics": two_bases.STUDY,
     "blocker": blocker.STUDY,
+    "bounces": bounces.STUDY,
+    "slides": slides.STUDY,
 }
 """By name, in the order of the papers."""

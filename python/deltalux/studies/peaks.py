@@ -197,4 +197,5 @@ STUDY = Study(
     scene_files=("peaks.png", "peaks.csv"),
     needs_scene=True,
     needs_texels=True,
+    columns=Haar(64, texels=True),
 )

@@ -1,4 +1,4 @@
-"""Cubemaps as pictures: unfolded to a cross, and parts of them enlarged."""
+"""Pictures in a strip, and cubemaps as pictures: unfolded to a cross, and parts of them enlarged."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["CORNER", "cross", "window"]
+from ..io import to_display
+
+__all__ = ["CORNER", "cross", "label", "show", "window"]
 
 CORNER: dict[str, Any] = {"color": "white", "fontsize": 7, "bbox": {"color": "#202020", "pad": 1.5, "linewidth": 0}}
 """How a figure in the corner of a picture looks."""
@@ -34,3 +36,16 @@ def window(picture: NDArray[Any], peak: NDArray[Any], size: int) -> NDArray[Any]
     row, column = np.unravel_index(int(np.argmax(peak.max(axis=2))), (height, width))
     top, left = np.clip(row - size // 2, 0, height - size), np.clip(column - size // 2, 0, width - size)
     return picture[top : top + size, left : left + size]
+
+
+def show(panel: Any, picture: NDArray[np.float32], stops: float, corner: str | None = None) -> None:
+    """Linear radiance at an exposure, with a text in the corner."""
+    panel.imshow(to_display(picture, stops), interpolation="nearest")
+    panel.set_axis_off()
+    if corner:
+        panel.text(0.02, 0.03, corner, transform=panel.transAxes, **CORNER)
+
+
+def label(panel: Any, text: str) -> None:
+    """To the left of a line of pictures."""
+    panel.text(-0.03, 0.5, text, rotation=90, va="center", ha="right", transform=panel.transAxes, fontsize=9)

@@ -12,6 +12,7 @@ from ..light.motion import Motion
 from ..output import check_folder, claim, slug
 from ..progress import Progress, reporter
 from ..relight.entrants import own
+from ..scene.scene import Scene
 from ..transport.transport import Transport
 from ..update.methods import Method
 from .case import Case
@@ -22,6 +23,8 @@ from .sheet import PAGE, Sheet
 __all__ = ["check_study", "study"]
 
 _FEWEST_FRAMES = 8
+_PICTURE = (128, 128)
+"""Of the built-in scene that a study traces."""
 
 
 def check_study(
@@ -30,6 +33,7 @@ def check_study(
     env: Environment | Sequence[Environment],
     transport: Transport | Sequence[Transport] = (),
     *,
+    scene: Scene | Sequence[Scene] = (),
     motion: Motion | None = None,
     columns: Haar | None = None,
     methods: Sequence[Method] = (),
@@ -38,7 +42,7 @@ def check_study(
 
     Parameters
     ----------
-    name, folder, env, transport, motion, columns, methods
+    name, folder, env, transport, scene, motion, columns, methods
         As `study`.
 
     Returns
@@ -55,6 +59,7 @@ def check_study(
         raise ValueError(f"expected a study of {', '.join(STUDIES)}, got {name!r}")
     envs = [env] if isinstance(env, Environment) else list(env)
     transports = [transport] if isinstance(transport, Transport) else list(transport)
+    scenes = [scene] if isinstance(scene, Scene) else list(scene)
     if not envs:
         raise ValueError("expected at least one environment")
     motion = motion or Motion()
@@ -63,19 +68,38 @@ def check_study(
     dark = [light.name for light in envs if not light.cubemap(1).any()]
     if dark:
         raise ValueError(f"expected light, but {dark[0]} is black: errors are relative to it")
-    if STUDIES[name].needs_scene and not transports:
-        raise ValueError(f"the study {name!r} looks at pictures: expected a scene")
-    if STUDIES[name].needs_texels:
-        _check_texels(name, transports)
+    _check_seen(name, transports, scenes)
     if methods and not STUDIES[name].takes_methods:
         taking = ", ".join(name for name, study in STUDIES.items() if study.takes_methods)
         raise ValueError(f"methods of one's own take part in the studies {taking}, not in {name!r}")
     others = own(methods)
     cases = [Case(light, motion, _haar(found), found, others) for found in transports for light in envs]
-    cases = cases or [Case(light, motion, columns or Haar(64), own=others) for light in envs]
+    columns = columns or STUDIES[name].columns
+    if traced := STUDIES[name].traces:
+        scenes = scenes or [_builtin(traced)]
+        cases = [Case(light, motion, columns, own=others, scene=found) for found in scenes for light in envs]
+    cases = cases or [Case(light, motion, columns, own=others) for light in envs]
     chapters = [(slug(case.name, k), case) for k, case in enumerate(cases)]
     check_folder(folder, _names(STUDIES[name], chapters))
     return chapters
+
+
+def _check_seen(name: str, transports: Sequence[Transport], scenes: Sequence[Scene]) -> None:
+    """Studies look at transports, or at scenes that they trace, or at light alone."""
+    chosen = STUDIES[name]
+    if chosen.needs_scene and not transports:
+        raise ValueError(f"the study {name!r} looks at pictures: expected a scene")
+    if chosen.traces and transports:
+        raise ValueError(f"the study {name!r} traces scenes itself: expected a scene, got {transports[0]}")
+    if scenes and not chosen.traces:
+        raise ValueError(f"the study {name!r} looks at transports: expected one of {scenes[0].name}, got the scene")
+    if chosen.needs_texels:
+        _check_texels(name, transports)
+
+
+def _builtin(name: str) -> Scene:
+    scene = Scene.builtin(name)
+    return scene.with_camera(scene.camera.resized(*_PICTURE))
 
 
 def _check_texels(name: str, transports: Sequence[Transport]) -> None:
@@ -106,6 +130,7 @@ def study(
     env: Environment | Sequence[Environment],
     transport: Transport | Sequence[Transport] = (),
     *,
+    scene: Scene | Sequence[Scene] = (),
     motion: Motion | None = None,
     columns: Haar | None = None,
     methods: Sequence[Method] = (),
@@ -125,8 +150,12 @@ def study(
         The scenes to look at, in Haar columns; with none, the light alone is studied where the study can do so.
     motion
         The rotation; by default 45 degrees in 100 frames, then 25 still.
+    scene
+        What a study of light between surfaces traces, in several ways, in the place of a transport; by default a
+        built-in scene.
     columns
-        What light is measured in where there is no transport; by default `Haar(64)`, the papers' 24,576 wavelets.
+        What light is measured in where there is no transport; by default the study's own, as a rule `Haar(64)`, the
+        papers' 24,576 wavelets.
     methods
         Methods of one's own that take part, in studies that compare methods.
     progress
@@ -144,7 +173,7 @@ def study(
     OSError
         If the folder cannot be written or holds files of others under our names.
     """
-    chapters = check_study(name, folder, env, transport, motion=motion, columns=columns, methods=methods)
+    chapters = check_study(name, folder, env, transport, scene=scene, motion=motion, columns=columns, methods=methods)
     chosen = STUDIES[name]
     names = _names(chosen, chapters)
     sheet = Sheet(claim(folder, names), chosen.title, chosen.intro, names)

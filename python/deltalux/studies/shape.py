@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from ..columns import Haar
 from ..progress import Progress
 from .case import Case
 from .sheet import Sheet
@@ -26,7 +27,12 @@ class Study:
     """Whether transports need texel columns, and rows that are kept untruncated."""
     takes_methods: bool = False
     """Whether methods of one's own can take part."""
+    traces: str | None = None
+    """The built-in scene that it traces, in several ways, where it is given no other; None: it looks at transports."""
+    columns: Haar = Haar(64)
+    """What light is measured in where nothing else is said."""
 
     def files(self, case: Case) -> tuple[str, ...]:
         """Names of the files of one chapter, without the chapter's own."""
-        return self.light_files + (self.scene_files if case.transport is not None else ())
+        looks_at_one = case.transport is not None or case.scene is not None
+        return self.light_files + (self.scene_files if looks_at_one else ())

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..._core import haar_inverse
 from ...columns import Haar
-from ...io import auto_exposure, magnification, to_display
+from ...io import auto_exposure, magnification
 from ...light.motion import Motion
 from ...pages.plotting import FAMILIES, mark_stop, percent
 from ...relight.entrants import EXACT, NWA_100, PBI_100, Entrant
@@ -18,7 +17,7 @@ from ...transport.transport import Transport
 from ...update.approximation import Approximation
 from ...update.methods import Nonlinear
 from ..case import Light
-from ..pictures import CORNER, cross
+from ..pictures import cross, label, show
 from ..sheet import Sheet
 from .entrants import NWA_25, PBI_25_ON_SH, PBI_SH_25, SH_ORDER_5, SH_ORDER_10
 from .flicker import Track
@@ -60,11 +59,11 @@ def bases_strip(
         for column, name, face in zip(axes.T, names, faces, strict=True):
             column[0].set_title(_TITLES.get(name, name))
             difference = np.abs(pictures[name] - exact)
-            _show(column[0], pictures[name], stops, None if name == EXACT.name else _error(difference, exact))
-            _show(column[1], times * difference, stops)
-            _show(column[2], face, light_stops)
-        for panel, label in zip(axes[:, 0], ("picture", f"difference, × {times}", "light"), strict=True):
-            _label(panel, label)
+            show(column[0], pictures[name], stops, None if name == EXACT.name else _error(difference, exact))
+            show(column[1], times * difference, stops)
+            show(column[2], face, light_stops)
+        for panel, what in zip(axes[:, 0], ("picture", f"difference, × {times}", "light"), strict=True):
+            label(panel, what)
 
 
 def _applied(transport: Transport, view: HarmonicView, V: Light) -> list[NDArray[np.float32]]:
@@ -98,12 +97,12 @@ def moments_strip(sheet: Sheet, pictures: Pictures, tracks: Mapping[str, Track],
             for j, (frame, what) in enumerate(moments.items()):
                 error, flicker = tracks[name].errors[frame], tracks[name].flicker[frame]
                 corner = f"{100 * error:.2g} %" + (f", flicker {100 * flicker:.2g} %" if flicker > 0 else "")
-                _show(line[2 * j], pictures[name, frame], stops, corner if error > 0 else None)
-                _show(line[2 * j + 1], times * np.abs(differences[name, frame]), stops)
+                show(line[2 * j], pictures[name, frame], stops, corner if error > 0 else None)
+                show(line[2 * j + 1], times * np.abs(differences[name, frame]), stops)
                 if name == names[0]:
                     line[2 * j].set_title(f"frame {frame}, {what}", fontsize=9)
                     line[2 * j + 1].set_title(f"difference, × {times}", fontsize=9)
-            _label(line[0], name)
+            label(line[0], name)
 
 
 def frames_plot(sheet: Sheet, tracks: Mapping[str, Track], rows: Sequence[Entrant], motion: Motion) -> None:
@@ -149,18 +148,6 @@ def terms_plot(sheet: Sheet, curves: Mapping[str, Mapping[int, float]], toleranc
             axes.axhline(100 * tolerance, color="#888888", linewidth=1, linestyle=":", label="truncation of M")
         percent(axes.yaxis)
         axes.legend()
-
-
-def _show(panel: Any, picture: NDArray[np.float32], stops: float, corner: str | None = None) -> None:
-    panel.imshow(to_display(picture, stops), interpolation="nearest")
-    panel.set_axis_off()
-    if corner:
-        panel.text(0.02, 0.03, corner, transform=panel.transAxes, **CORNER)
-
-
-def _label(panel: Any, text: str) -> None:
-    """To the left of a line of pictures."""
-    panel.text(-0.03, 0.5, text, rotation=90, va="center", ha="right", transform=panel.transAxes, fontsize=9)
 
 
 def _error(difference: NDArray[np.float32], exact: NDArray[np.float32]) -> str:
