@@ -23,7 +23,7 @@ from ...scene.scene import Scene
 from ...transport.transport import Transport
 from ...update.approximation import Approximation
 from ...update.methods import Nonlinear
-from ..case import Case
+from ..case import Case, Light
 from ..shape import Study
 from ..sheet import Sheet
 from . import bounce_pictures, furnace_pages, furnaces
@@ -106,14 +106,17 @@ def _milliseconds(case: Case, transports: Sequence[Transport]) -> list[float]:
     return [1e3 * float(median) for median in np.median(seconds[1:], axis=0)]
 
 
-def _few_terms(case: Case, direct: Transport, whole: Transport) -> list[float]:
+def _few_terms(case: Case, direct: Transport, bounced: Transport) -> list[float]:
     """What the largest few terms of the light leave out, of direct light and of what has bounced."""
     V = direct.coefficients(case.env)
     chosen = Approximation(direct.columns, Nonlinear(TERMS))
     chosen.step(V)
-    some, every = ([direct.multiply(light), whole.multiply(light)] for light in (chosen.values, V))
-    bounced = [b.astype(np.float64) - a for a, b in (some, every)]
-    return [relative_errors(some[0], every[0])[1], relative_errors(bounced[0], bounced[1])[1]]
+
+    def parts(light: Light) -> list[NDArray[np.float64]]:
+        first, all_light = (transport.multiply(light).astype(np.float64) for transport in (direct, bounced))
+        return [first, all_light - first]
+
+    return [relative_errors(*pair)[1] for pair in zip(parts(chosen.values), parts(V), strict=True)]
 
 
 def _write(case: Case, sheet: Sheet, found: Findings) -> None:
