@@ -9,6 +9,7 @@ from types import SimpleNamespace
 
 import deltalux as dl
 import numpy as np
+import oracles
 import pytest
 from deltalux.command import cli
 from deltalux.light.motion import Motion
@@ -39,7 +40,7 @@ def rows_of(path):
 
 def named(names):
     """Studies as parameters; some of them take their time."""
-    slow = {"phase-map", "harmonics", "blocker", "bounces", "slides"}
+    slow = {"phase-map", "harmonics", "blocker", "bounces"}
     return [pytest.param(name, marks=pytest.mark.slow) if name in slow else name for name in names]
 
 
@@ -47,7 +48,18 @@ def named(names):
 def few_furnaces(monkeypatch):
     """Rooms of one albedo show all that those of four do."""
     monkeypatch.setattr(furnaces, "ALBEDOS", (0.9,))
+    monkeypatch.setattr(furnaces, "_BALL_ALBEDOS", (0.9,))
     monkeypatch.setattr(furnace_pages, "ALBEDOS", (0.9,))
+
+
+def corner():
+    """A floor and a coloured wall: nodes are few."""
+    vertices, triangles = oracles.merged(
+        oracles.quad((-1, 0, -1), (2, 0, 0), (0, 0, 2)), oracles.quad((-1, 0, -1), (2, 0, 0), (0, 2, 0))
+    )
+    camera = dl.Camera((3, 2.5, 4), (-0.3, 0.7, -0.3), vertical_fov=40, width=16, height=16)
+    colours = [(0.6, 0.6, 0.6)] * 2 + [(0.7, 0.1, 0.1)] * 2
+    return dl.Scene.from_arrays(vertices, triangles, colours, camera, name="corner")
 
 
 @pytest.fixture
@@ -57,8 +69,7 @@ def looked_at(cornell, cornell_texels):
     def given(name):
         chosen = STUDIES[name]
         if chosen.traces:
-            scene = dl.Scene.builtin(chosen.traces)
-            return {"scene": scene.with_camera(scene.camera.resized(24, 24))}
+            return {"scene": corner()}
         looks = chosen.needs_scene or chosen.scene_files
         return {"transport": [cornell_texels if chosen.needs_texels else cornell] if looks else []}
 
