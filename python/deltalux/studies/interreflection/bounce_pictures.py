@@ -102,7 +102,6 @@ def node_plot(sheet: Sheet, found: Findings) -> None:
             panel.set(xlabel="Nodes")
             panel.set_xticks(numbers, [f"{number:,}" for number in numbers], rotation=45, fontsize=8)
             panel.minorticks_off()
-        logarithmic(left)
-        for panel in (middle, right):
             panel.set_ylim(bottom=0)
+        for panel in (middle, right):
             panel.legend()

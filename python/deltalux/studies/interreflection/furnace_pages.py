@@ -39,9 +39,8 @@ def _draw(sheet: Sheet, found: Sequence[Furnace]) -> None:
             errors = [furnace.error for furnace in of]
             right.plot(errors, [furnace.solve.residual for furnace in of], linestyle="none", **look)
             for furnace in of:
-                right.annotate(
-                    f" {furnace.albedo:g}", (furnace.error, furnace.solve.residual), color=colour, fontsize=8
-                )
+                at, side = (furnace.error, furnace.solve.residual), ("right", "left")[k]
+                right.annotate(f"  {furnace.albedo:g}  ", at, color=colour, fontsize=8, ha=side, va="center")
         left.plot(x, [_bounces(albedo) for albedo in ALBEDOS], ":", color="#777777", label="bounce by bounce")
         left.set(xlabel="Albedo", ylabel="Products")
         left.set_xticks(x, [f"{albedo:g}" for albedo in ALBEDOS])
