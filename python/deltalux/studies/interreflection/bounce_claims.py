@@ -63,7 +63,7 @@ def _enough(found: Findings) -> Verdict:
 
 
 def _certificate(found: Findings) -> Verdict:
-    ratios = [furnace.solve.residual / furnace.error for furnace in found.furnaces if furnace.error > 0]
+    ratios = [furnace.ratio for furnace in found.furnaces if furnace.error > 0]
     holds = all(furnace.error <= furnace.solve.residual for furnace in found.furnaces)
     most = max(furnace.solve.products[2] for furnace in found.furnaces)
     return Verdict(

@@ -27,7 +27,7 @@ def _draw(sheet: Sheet, found: Sequence[Furnace]) -> None:
         "Rooms that light hardly leaves. Left, how often the form factors are multiplied before the error is proved to "
         f"be below {RESIDUAL:g} of a column's largest value: the median of all columns, and in bars the fewest and the "
         "most. Plain summing of bounces would take about as many as there are bounces until so little is left (grey). "
-        "Right, what was proved and what the error is; a point below the grey line would break the proof."
+        "Right, how many times the true error what was proved is; below 1 it would be no proof."
     )
     with sheet.plot("furnaces.png", caption, 1, 2, (10.4, 4.2)) as (figure, (left, right)):
         x = np.arange(len(ALBEDOS))
@@ -36,21 +36,16 @@ def _draw(sheet: Sheet, found: Sequence[Furnace]) -> None:
             fewest, median, most = np.array([furnace.solve.products for furnace in of], float).T
             look = {"color": colour, "marker": marker}
             left.errorbar(x + 0.08 * k, median, (median - fewest, most - median), capsize=3, label=room, **look)
-            errors = [furnace.error for furnace in of]
-            right.plot(errors, [furnace.solve.residual for furnace in of], linestyle="none", **look)
-            for furnace in of:
-                at, side = (furnace.error, furnace.solve.residual), ("right", "left")[k]
-                right.annotate(f"  {furnace.albedo:g}  ", at, color=colour, fontsize=8, ha=side, va="center")
+            right.plot(x, [furnace.ratio for furnace in of], **look)
         left.plot(x, [_bounces(albedo) for albedo in ALBEDOS], ":", color="#777777", label="bounce by bounce")
-        left.set(xlabel="Albedo", ylabel="Products")
-        left.set_xticks(x, [f"{albedo:g}" for albedo in ALBEDOS])
+        left.set(ylabel="Products")
         logarithmic(left)
-        ends = np.array(
-            [min(furnace.error for furnace in found) / 2, max(furnace.solve.residual for furnace in found) * 2]
-        )
-        right.plot(ends, ends, color="#777777", linewidth=1)
-        right.set(xlabel="True error, of a column's largest value", ylabel="Proved error")
-        right.set(xscale="log", yscale="log")
+        right.axhline(1, color="#777777", linewidth=1)
+        right.set(ylabel="Proved error / true error")
+        right.set_ylim(bottom=0)
+        for panel in (left, right):
+            panel.set(xlabel="Albedo")
+            panel.set_xticks(x, [f"{albedo:g}" for albedo in ALBEDOS])
         figure.legend(loc="outside right center")
 
 
@@ -71,7 +66,7 @@ def _tables(sheet: Sheet, found: Sequence[Furnace], balls: Sequence[Ball]) -> No
                 " / ".join(map(str, furnace.solve.products)),
                 f"{furnace.solve.residual:.2g}",
                 f"{furnace.error:.2g}",
-                f"{furnace.solve.residual / furnace.error:.2g}" if furnace.error > 0 else "-",
+                f"{furnace.ratio:.2g}",
             )
             for furnace in found
         ],

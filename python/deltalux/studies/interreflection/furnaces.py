@@ -47,6 +47,11 @@ class Furnace(NamedTuple):
     error: float
     """The largest of any receiver in any strong column, relative to the column's largest value."""
 
+    @property
+    def ratio(self) -> float:
+        """How many times the true error what was proved is; nan where there is no error."""
+        return self.solve.residual / self.error if self.error > 0 else float("nan")
+
 
 class Ball(NamedTuple):
     """The integrating sphere: what every point of its wall receives from a white sky."""
