@@ -52,7 +52,7 @@ def _enough(found: Findings) -> Verdict:
     least = next((bounces for bounces, shot in found.counts.items() if shot.error <= _ABOUT), "all")
     holds = isinstance(least, int) and least <= ENOUGH
     return Verdict(
-        f"Two bounces outdoors, and {ENOUGH} indoors, leave about one percent of the picture.",
+        f"Two bounces (outdoors) to {ENOUGH} (indoors) leave about one percent of the picture.",
         holds,
         f"2 leave {100 * found.counts[2].error:.2g} %, {ENOUGH} leave {100 * found.counts[ENOUGH].error:.2g} %; within "
         f"{100 * _ABOUT:g} % from {least} on",
