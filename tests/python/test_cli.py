@@ -45,6 +45,27 @@ def test_a_camera_replaces_the_scene_s_own(tmp_path, capsys):
     assert found == dl.Camera((0, 1, 4), (0, 1, 0), vertical_fov=50, width=8, height=6)
 
 
+def test_render_writes_one_picture(tiny, tmp_path, capsys):
+    exr = tmp_path / "a.exr"
+    assert cli.main(["render", str(tiny), "--env", "sky", "--rotate", "30", "-o", str(exr)]) == 0
+    transport, env = dl.Transport.open(tiny), dl.Environment.builtin("sky").rotated(30)
+    expected = transport.image(transport.multiply(transport.coefficients(env)), env)
+    np.testing.assert_array_equal(io.load_image(exr)[0], expected)
+    assert "24 x 24 pixels" in capsys.readouterr().out
+
+
+def test_render_shows_vertices_from_any_camera(tmp_path):
+    path, png = tmp_path / "cornell.transport", tmp_path / "a.png"
+    made = ["precompute", "cornell", "--receivers", "vertices", "--normals", "flat", "--columns", "haar:4"]
+    assert cli.main([*made, "-o", str(path), "--quality", "preview"]) == 0
+    seen = ["--camera", "0,1,4:0,1,0:50", "--size", "20x12", "--exposure", "1"]
+    assert cli.main(["render", str(path), *seen, "-o", str(png)]) == 0
+    transport, env = dl.Transport.open(path), dl.Environment.builtin("hall")
+    camera = dl.Camera((0, 1, 4), (0, 1, 0), vertical_fov=50, width=20, height=12)
+    expected = transport.render(camera, transport.multiply(transport.coefficients(env)), env)
+    np.testing.assert_array_equal(io.to_display(io.load_image(png)[0]), io.to_display(expected, 1.0))
+
+
 @pytest.mark.parametrize("method", ["full", "nwa", "bi", "pbi", "linear", "harmonic-order"])
 def test_relight_writes_frames_and_a_table(tiny, tmp_path, method, capsys):
     out = tmp_path / "frames"
@@ -222,6 +243,10 @@ BAD = {
     "an unknown sequence": ["relight", "TINY", "--env", "hall", "--sequence", "walk", "-o", "OUT"],
     "an unknown study": ["study", "energies", "-o", "OUT"],
     "a study of pictures without a scene": ["study", "equal-time", "-o", "OUT"],
+    "a picture of another kind": ["render", "TINY", "-o", "OUT.jpg"],
+    "stops of linear radiance": ["render", "TINY", "-o", "OUT.exr", "--exposure", "1"],
+    "half floats in a PNG": ["render", "TINY", "-o", "OUT.png", "--half"],
+    "another camera of pixels": ["render", "TINY", "-o", "OUT.png", "--camera", "0,1,4:0,1,0"],
     "no command": [],
     "an unknown command": ["paint"],
     "an unknown scene": ["precompute", "nowhere", "-o", "OUT"],
