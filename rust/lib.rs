@@ -11,6 +11,7 @@
 //! | room | what is in it | uses |
 //! |---|---|---|
 //! | [`basis`] | columns and bands; cubemaps, Haar wavelets on them and on trees, spherical harmonics | nothing |
+//! | [`brdf`] | models of reflectance and measured tables: evaluate, sample, pdf, albedo | nothing |
 //! | [`light`] | environment maps: rotation, resampling, projection | basis |
 //! | [`scene`] | triangles, camera, rays, receivers | nothing |
 //! | [`transport`] | M: tiles, truncation, what links several matrices, files | basis |
@@ -23,6 +24,7 @@
 #![warn(missing_docs)]
 
 pub mod basis;
+pub mod brdf;
 pub mod error;
 pub mod light;
 pub mod precompute;

@@ -3,6 +3,7 @@
 mod arrays;
 mod beside;
 mod bounces;
+mod brdf;
 mod harmonics;
 mod interrupt;
 mod light;
@@ -60,6 +61,7 @@ fn core_module(module: &Bound<'_, PyModule>) -> PyResult<()> {
     scene::register(module)?;
     rows::register(module)?;
     bounces::register(module)?;
+    brdf::register(module)?;
     tracer::register(module)?;
     Ok(())
 }

@@ -4,6 +4,7 @@ mod vertices;
 
 mod basis;
 mod bounces;
+mod brdf;
 mod file;
 mod harmonics;
 mod light;

@@ -1,0 +1,185 @@
+//! Bindings of `brdf`: models by their names, asked with rows of unit directions.
+
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray2, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use rayon::prelude::*;
+
+use crate::brdf::{
+    AshikhminShirley, Beckmann, BlinnPhong, Brdf as Model, CookTorrance, Direction, Fresnel, Ggx, Lafortune, Lambert,
+    Ward, WardDuer, phong,
+};
+use crate::error::{Error, Result};
+
+use super::arrays::{table, triples};
+use super::{compute, interruptible};
+
+/// Directions that one thread takes at a time: less would cost more than they do.
+const TOGETHER: usize = 256;
+
+/// A model of reflectance; see `deltalux.brdf`.
+#[pyclass(frozen, module = "deltalux._core")]
+pub(crate) struct Brdf {
+    /// The model, its parameters checked.
+    model: Box<dyn Model>,
+}
+
+impl Brdf {
+    /// What a constructor made.
+    fn of(model: Result<impl Model + 'static>) -> PyResult<Brdf> {
+        Ok(Brdf { model: Box::new(model?) })
+    }
+}
+
+/// What at most one of two descriptions says.
+fn fresnel(n: Option<f64>, k: Option<f64>, f0: Option<f64>) -> Result<Fresnel> {
+    match (n, k, f0) {
+        (None, None, None) => Ok(Fresnel::None),
+        (None, None, Some(f0)) => Fresnel::schlick(f0),
+        (Some(n), k, None) => Fresnel::index(n, k.unwrap_or(0.0)),
+        (None, Some(_), _) => Err(Error::input("expected n beside k, got k alone")),
+        (Some(_), _, Some(_)) => Err(Error::input("expected n or f0, got both")),
+    }
+}
+
+/// Refuses arrays of different lengths.
+pub(super) fn pairs<'a>(
+    wi: &'a PyReadonlyArray2<'_, f64>,
+    wo: &'a PyReadonlyArray2<'_, f64>,
+) -> Result<(&'a [Direction], &'a [Direction])> {
+    let (wi, wo) = (triples("wi", wi)?, triples("wo", wo)?);
+    match wi.len() == wo.len() {
+        true => Ok((wi, wo)),
+        false => Err(Error::input(format!("expected as many wi as wo, got {} and {}", wi.len(), wo.len()))),
+    }
+}
+
+/// One value for each pair of directions, by as many threads as there are.
+pub(super) fn each<T: Send>(
+    wi: &[Direction],
+    wo: &[Direction],
+    value: impl Fn(Direction, Direction) -> T + Sync + Send,
+) -> Vec<T> {
+    wi.par_iter().zip(wo).with_min_len(TOGETHER).map(|(&wi, &wo)| value(wi, wo)).collect()
+}
+
+#[pymethods]
+impl Brdf {
+    #[staticmethod]
+    fn lambert() -> PyResult<Brdf> {
+        Brdf::of(Ok(Lambert))
+    }
+
+    #[staticmethod]
+    fn phong(exponent: f64) -> PyResult<Brdf> {
+        Brdf::of(phong(exponent))
+    }
+
+    #[staticmethod]
+    fn blinn_phong(exponent: f64) -> PyResult<Brdf> {
+        Brdf::of(BlinnPhong::new(exponent))
+    }
+
+    #[staticmethod]
+    fn ward(alpha: f64, alpha_v: f64) -> PyResult<Brdf> {
+        Brdf::of(Ward::new([alpha, alpha_v]))
+    }
+
+    #[staticmethod]
+    fn ward_duer(alpha: f64, alpha_v: f64) -> PyResult<Brdf> {
+        Brdf::of(WardDuer::new([alpha, alpha_v]))
+    }
+
+    #[staticmethod]
+    fn lafortune(exponent: f64, coefficients: [f64; 3]) -> PyResult<Brdf> {
+        Brdf::of(Lafortune::new(exponent, coefficients))
+    }
+
+    #[staticmethod]
+    #[pyo3(signature = (sigma, n, k))]
+    fn cook_torrance(sigma: f64, n: Option<f64>, k: Option<f64>) -> PyResult<Brdf> {
+        Brdf::of(CookTorrance::new(sigma, fresnel(n, k, None)?))
+    }
+
+    #[staticmethod]
+    #[pyo3(signature = (alpha, alpha_v, n, k))]
+    fn beckmann(alpha: f64, alpha_v: f64, n: Option<f64>, k: Option<f64>) -> PyResult<Brdf> {
+        Brdf::of(Beckmann::new([alpha, alpha_v], fresnel(n, k, None)?))
+    }
+
+    #[staticmethod]
+    #[pyo3(signature = (alpha, alpha_v, n, k))]
+    fn ggx(alpha: f64, alpha_v: f64, n: Option<f64>, k: Option<f64>) -> PyResult<Brdf> {
+        Brdf::of(Ggx::new([alpha, alpha_v], fresnel(n, k, None)?))
+    }
+
+    #[staticmethod]
+    #[pyo3(signature = (exponent, exponent_v, n, k, f0))]
+    fn ashikhmin_shirley(
+        exponent: f64,
+        exponent_v: f64,
+        n: Option<f64>,
+        k: Option<f64>,
+        f0: Option<f64>,
+    ) -> PyResult<Brdf> {
+        Brdf::of(AshikhminShirley::new([exponent, exponent_v], fresnel(n, k, f0)?))
+    }
+
+    /// f of wi (n, 3) and wo (n, 3): (n,) float64.
+    fn evaluate<'py>(
+        &self,
+        py: Python<'py>,
+        wi: PyReadonlyArray2<'py, f64>,
+        wo: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let (wi, wo) = pairs(&wi, &wo)?;
+        Ok(compute(py, || Ok(each(wi, wo, |wi, wo| self.model.evaluate(wi, wo))))?.into_pyarray(py))
+    }
+
+    /// The density of wi (n, 3) for wo (n, 3): (n,) float64.
+    fn pdf<'py>(
+        &self,
+        py: Python<'py>,
+        wi: PyReadonlyArray2<'py, f64>,
+        wo: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let (wi, wo) = pairs(&wi, &wo)?;
+        Ok(compute(py, || Ok(each(wi, wo, |wi, wo| self.model.pdf(wi, wo))))?.into_pyarray(py))
+    }
+
+    /// Directions (n, 3) for wo (n, 3) from numbers (n, 2), and their densities (n,): 0 and 0 where there is none.
+    fn sample<'py>(
+        &self,
+        py: Python<'py>,
+        wo: PyReadonlyArray2<'py, f64>,
+        u: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray1<f64>>)> {
+        let wo = triples("wo", &wo)?;
+        let numbers = match u.as_slice() {
+            Ok(flat) if u.shape() == [wo.len(), 2] => flat.as_chunks::<2>().0,
+            _ => {
+                let message = format!("expected u of shape ({}, 2) in C order, got shape {:?}", wo.len(), u.shape());
+                return Err(Error::input(message).into());
+            }
+        };
+        let (wi, pdf): (Vec<_>, Vec<_>) = compute(py, || {
+            let sampled = wo.par_iter().zip(numbers).with_min_len(TOGETHER);
+            Ok(sampled.map(|(&wo, &u)| self.model.sample(wo, u).unwrap_or_default()).unzip())
+        })?;
+        Ok((table(py, wi)?, pdf.into_pyarray(py)))
+    }
+
+    /// Directional albedos of wo (n, 3): (n,) float64.
+    fn albedo<'py>(&self, py: Python<'py>, wo: PyReadonlyArray2<'py, f64>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let wo = triples("wo", &wo)?;
+        let albedos = interruptible(py, None, |watch| {
+            let one = |&wo: &Direction| watch.advance(1).map(|()| self.model.albedo(wo));
+            wo.par_iter().map(one).collect::<Result<Vec<f64>>>()
+        })?;
+        Ok(albedos.into_pyarray(py))
+    }
+}
+
+/// Adds what this file has for Python to the module.
+pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<Brdf>()
+}
