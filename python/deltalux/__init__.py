@@ -3,6 +3,7 @@
 B = M V: M is ray traced once (`precompute`); V, the light, moves; a `Relighter` follows it within a budget a frame.
 """
 
+from . import brdf as brdf
 from ._core import FileError, __version__, set_threads, threads
 from .camera import Camera
 from .columns import Haar, SphericalHarmonics

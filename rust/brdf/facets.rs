@@ -2,9 +2,9 @@
 
 use std::fmt::Debug;
 
-use super::Brdf;
 use super::albedo::over_facets;
 use super::direction::{Direction, Half, reflected};
+use super::model::{Brdf, dense};
 
 /// Normals of facets, by a density over solid angle whose integral is 1.
 pub(super) trait Facets {
@@ -34,7 +34,7 @@ impl<Model: HalfModel> Brdf for Model {
 
     fn sample(&self, wo: Direction, u: [f64; 2]) -> Option<(Direction, f64)> {
         let wi = reflected(wo, self.facets().sample(u))?;
-        Some((wi, self.pdf(wi, wo)))
+        dense(self, wi, wo)
     }
 
     /// dw_h = dw_i / (4 h . wo)

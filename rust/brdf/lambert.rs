@@ -2,8 +2,8 @@
 
 use std::f64::consts::{FRAC_1_PI, TAU};
 
-use super::Brdf;
 use super::direction::{Direction, above};
+use super::model::{Brdf, dense};
 
 /// f = 1 / pi. Sampled as the cosine.
 #[derive(Clone, Copy, Debug)]
@@ -17,7 +17,7 @@ impl Brdf for Lambert {
     fn sample(&self, wo: Direction, u: [f64; 2]) -> Option<(Direction, f64)> {
         let (radius, (sine, cosine)) = (u[0].sqrt(), (TAU * u[1]).sin_cos());
         let wi = [radius * cosine, radius * sine, (1.0 - u[0]).sqrt()];
-        (above(wi) && above(wo)).then(|| (wi, self.pdf(wi, wo)))
+        dense(self, wi, wo)
     }
 
     fn pdf(&self, wi: Direction, wo: Direction) -> f64 {

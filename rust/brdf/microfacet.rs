@@ -6,11 +6,11 @@ use std::f64::consts::TAU;
 
 use crate::error::Result;
 
-use super::Brdf;
 use super::albedo::over_facets;
 use super::direction::{Direction, Half, reflected, unit};
 use super::facets::{Facets, HalfModel};
 use super::fresnel::Fresnel;
+use super::model::{Brdf, dense};
 use super::slopes::Slopes;
 
 /// Facets with normally distributed slopes. Sampled by all facets, not only those that are seen: to sample those, the error
@@ -27,7 +27,7 @@ impl Beckmann {
         Ok(Beckmann { slopes: Slopes::new(["alpha", "alpha_v"], alpha)?, fresnel })
     }
 
-    /// G1 over its cosine, by Walter's rational function (the text above eq. 27), within 0.35 % of the exact one.
+    /// G1 over its cosine, by Walter's rational function (eq. 27), within 0.35 % of the exact one.
     fn seen(&self, direction: Direction) -> f64 {
         let [x, y, cosine] = self.slopes.stretched(direction);
         let across = x.hypot(y);
@@ -90,7 +90,7 @@ impl Brdf for Ggx {
         let (radius, (sine, cosine)) = (((1.0 - height) * (1.0 + height)).max(0.0).sqrt(), (TAU * u[1]).sin_cos());
         let half = [radius * cosine + eye[0], radius * sine + eye[1], up];
         let wi = reflected(wo, unit(self.slopes.stretched(half)))?;
-        Some((wi, self.pdf(wi, wo)))
+        dense(self, wi, wo)
     }
 
     /// D G1(wo) h.wo / n.wo is the density of the facets that are seen; h.wo cancels in that of directions.

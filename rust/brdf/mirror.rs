@@ -5,8 +5,8 @@ use std::f64::consts::TAU;
 use crate::error::{Error, Result};
 use crate::sampling::frame;
 
-use super::Brdf;
 use super::direction::{Direction, above, dot, unit};
+use super::model::{Brdf, dense};
 use super::range::exponent;
 
 /// The exponent that is as narrow as a roughness of 0.002: half vectors turn by half, so a quarter of theirs.
@@ -56,7 +56,7 @@ impl Lafortune {
     /// The cosine to the axis to the power n.
     fn power(&self, axis: Direction, wi: Direction) -> f64 {
         let cosine = dot(axis, wi);
-        if !(cosine > 0.0) {
+        if cosine <= 0.0 {
             return 0.0;
         }
         // Near the axis the cosine has lost what a high power needs: |a - b|² = 2 - 2 cos keeps it.
@@ -87,7 +87,7 @@ impl Brdf for Lafortune {
         let (sine, cosine) = ((-(2.0 * logarithm).exp_m1()).sqrt(), logarithm.exp());
         let (y, x) = (TAU * u[1]).sin_cos();
         let wi = std::array::from_fn(|k| sine * (x * right[k] + y * forward[k]) + cosine * up[k]);
-        above(wi).then(|| (wi, self.pdf(wi, wo)))
+        dense(self, wi, wo)
     }
 
     fn pdf(&self, wi: Direction, wo: Direction) -> f64 {

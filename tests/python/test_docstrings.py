@@ -29,7 +29,7 @@ from typing import Any
 import deltalux
 import pytest
 
-ROOMS = ("columns", "io", "light.motion", "light.sequences", "report", "studies")
+ROOMS = ("brdf", "columns", "io", "light.motion", "light.sequences", "report", "studies")
 DOORS = ("deltalux", *(f"deltalux.{room}" for room in ROOMS))
 
 
