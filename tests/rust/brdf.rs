@@ -3,9 +3,10 @@
 
 use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, PI};
 
+use _core::brdf::measured::{MERL, Merl, Rgl, RglTables};
 use _core::brdf::{
-    AshikhminShirley, Beckmann, BlinnPhong, Brdf, CookTorrance, Direction, Fresnel, Ggx, Lafortune, Lambert, Ward,
-    WardDuer, phong,
+    AshikhminShirley, Beckmann, BlinnPhong, Brdf, CookTorrance, Direction, Fresnel, Ggx, Lafortune, Lambert, Measured,
+    Ward, WardDuer, phong,
 };
 use _core::sampling::jitter;
 use proptest::prelude::*;
@@ -284,4 +285,29 @@ fn refusals_say_what_was_expected() {
     assert_eq!(lafortune([0.0; 3]), "expected three finite coefficients, not all 0, got [0.0, 0.0, 0.0]");
     assert!(Fresnel::index(0.0, 1.0).is_err() && Fresnel::index(1.0, f64::INFINITY).is_err());
     assert!(Fresnel::schlick(1.5).is_err());
+}
+
+#[test]
+fn tables_that_do_not_fit_are_refused() {
+    let cells = MERL.iter().product::<usize>();
+    let said = |cells| Merl::new(cells).unwrap_err().to_string();
+    assert_eq!(said(vec![[1.0; 3]; 7]), format!("expected {} numbers of reflectance, got 21", 3 * cells));
+    assert_eq!(said(vec![[-1.0; 3]; cells]), "expected reflectance of 0 or more and finite, got -1");
+    let ones = [1.0; 600];
+    let whole = |points| RglTables {
+        phi_i: &[0.0],
+        theta_i: &[0.0, 1.5],
+        ndf: (&ones[..4], [2, 2]),
+        sigma: (&ones[..4], [2, 2]),
+        vndf: (&ones[..points], [3, 3]),
+        luminance: (&ones[..8], [2, 2]),
+        rgb: (&ones[..24], [2, 2]),
+        jacobian: true,
+    };
+    assert_eq!(Rgl::new(&whole(17)).unwrap_err().to_string(), "expected 18 numbers of vndf, got 17");
+    let flipped = RglTables { vndf: (&ones, [usize::MAX, usize::MAX]), ..whole(18) };
+    assert_eq!(Rgl::new(&flipped).unwrap_err().to_string(), "expected fewer numbers of vndf, got 600");
+    let table = Rgl::new(&whole(18)).unwrap();
+    // ndf / 4 sigma is a quarter, and the table holds f cos theta_i.
+    assert!(near(table.colour(at(60.0, 0.0), at(10.0, 30.0))[1], 0.5, 1e-12));
 }
