@@ -30,7 +30,7 @@ impl Beckmann {
     /// G1 over its cosine, by Walter's rational function (eq. 27), within 0.35 % of the exact one.
     fn seen(&self, direction: Direction) -> f64 {
         let [x, y, cosine] = self.slopes.stretched(direction);
-        let across = x.hypot(y);
+        let across = (x * x + y * y).sqrt();
         let a = cosine / across;
         if a < 1.6 { (3.535 + 2.181 * a) / (across * (1.0 + a * (2.276 + 2.577 * a))) } else { 1.0 / cosine }
     }
@@ -70,7 +70,7 @@ impl Ggx {
     /// G1 over its cosine.
     fn seen(&self, direction: Direction) -> f64 {
         let [x, y, cosine] = self.slopes.stretched(direction);
-        2.0 / (cosine + x.hypot(y).hypot(cosine))
+        2.0 / (cosine + (x * x + y * y + cosine * cosine).sqrt())
     }
 }
 

@@ -49,8 +49,10 @@ impl Lafortune {
         let axis: Direction = std::array::from_fn(|k| self.scale[k] * wo[k]);
         // 1 - |axis|² without the subtraction: for Phong it is 0.
         let short: f64 = (0..3).map(|k| (1.0 - self.scale[k]) * (1.0 + self.scale[k]) * wo[k] * wo[k]).sum();
-        let height = (0.5 * self.exponent * (-short).max(-1.0).ln_1p()).exp();
-        (above(wo) && dot(axis, axis) > 0.0).then(|| Axis { direction: unit(axis), height })
+        let square = dot(axis, axis);
+        let logarithm = if short < 0.5 { (-short).ln_1p() } else { square.ln() };
+        let height = (0.5 * self.exponent * logarithm).exp();
+        (above(wo) && square > 0.0).then(|| Axis { direction: unit(axis), height })
     }
 
     /// The cosine to the axis to the power n.

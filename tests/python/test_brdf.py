@@ -152,6 +152,7 @@ MODELS = (
     brdf.Phong(1e5),
     brdf.Lafortune(7.5, (-1, -0.8, 0.6)),
     brdf.Lafortune(1e4, (1, 1, 1)),
+    brdf.Lafortune(2.5, (1, 0.1, 0)),
     brdf.BlinnPhong(0),
     brdf.BlinnPhong(3),
     brdf.BlinnPhong(1e5),

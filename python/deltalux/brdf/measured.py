@@ -33,7 +33,9 @@ class Measured:
     MERL (``.binary``, Matusik et al. 2003): isotropic, by half and difference angles, looked up as MERL's own program
     does, the value of the cell without interpolation. Reciprocal by construction. EPFL's laboratory (``.bsdf``, Dupuy
     and Jakob 2018): isotropic or anisotropic, interpolated over a grid that follows the visible facets; the table is
-    parametrised by ``wo``, and reciprocal only as far as the measurement is. Neither promises to conserve energy.
+    parametrised by ``wo``, and reciprocal only as far as the measurement is: below 80 degrees, f(wi, wo) and f(wo, wi)
+    of their white paper, golden yellow and ibiza sunset differ by 2, 14 and 26 % of their mean at the median. Neither
+    promises to conserve energy; of these three no albedo at 0, 30, 60, 80 and 89 degrees is above 1.
 
     Attributes
     ----------
