@@ -12,20 +12,23 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use crate::basis::ColumnSpace;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::scene::Points;
 use crate::scene::rays::Tracer;
 use crate::transport::entry::Channels;
 use crate::transport::sight::Seen;
 use crate::transport::{GROUP, Rows16};
 
+use super::lobes::{Lobe, Lobes};
 use super::pass::{Made, Pass, Shape, Take};
 use super::projection::{Projection, Scratch};
+use super::texels::Texels;
 use super::visibility::{Looking, Normals, View, Visibility};
 
 /// The direct pass over some receivers of a scene.
 pub struct DirectPass {
     visibility: Visibility,
+    lobes: Arc<Lobes>,
     projection: Projection,
     shape: Shape,
 }
@@ -38,19 +41,29 @@ pub struct Room {
 }
 
 impl DirectPass {
-    /// Refuses edge sampling that no texel needs.
-    pub fn new(tracer: Arc<Tracer>, points: Arc<Points>, space: ColumnSpace, edge_side: usize) -> Result<Self> {
+    /// Refuses edge sampling that no texel needs, and texel columns where rows are glossy: those hold cosines.
+    pub fn new(
+        tracer: Arc<Tracer>,
+        points: Arc<Points>,
+        lobes: Arc<Lobes>,
+        space: ColumnSpace,
+        edge_side: usize,
+    ) -> Result<Self> {
+        if space.texels().is_some() && lobes.any() {
+            return Err(Error::input(format!("expected columns without texels for glossy rows, got {space}")));
+        }
         let projection = Projection::new(space)?;
         let rows = points.len();
         let visibility = Visibility::new(tracer, points, projection.size(), edge_side)?;
         let shape = Shape { rows, texels: space.texels(), bands: space.bands(), channels: Channels::One, factors: 1 };
-        Ok(DirectPass { visibility, projection, shape })
+        Ok(DirectPass { visibility, lobes, projection, shape })
     }
 
     /// The transport rows of 16 receivers of a bundle, as coefficients in `room.coefficients`.
     fn transform(&self, rows: Range<usize>, group: usize, view: &View, room: &mut Room) {
-        let normals = Normals::new(&self.visibility.points.normal[rows]);
+        let normals = Normals::new(&self.visibility.points.normal[rows.clone()]);
         let lanes = group * GROUP;
+        let glossy = self.glossy(rows.start + lanes..rows.end.min(rows.start + lanes + GROUP));
         let per_face = self.visibility.texels.len() / 6;
         let mut edges = view.edges.iter().peekable();
         for face in 0..6 {
@@ -68,6 +81,10 @@ impl DirectPass {
                         }
                     }
                 }
+                for own in &glossy {
+                    let cosine = normals.cosine(self.visibility.texels.centre[texel], lanes + own.lane);
+                    row[own.lane] = own.instead_of(row[own.lane], cosine, &self.visibility.texels, texel);
+                }
                 let factor = self.projection.factor(k);
                 for value in row.iter_mut() {
                     *value *= factor;
@@ -75,6 +92,44 @@ impl DirectPass {
             }
             self.projection.face_done(face, &mut room.texels, &mut room.coefficients);
         }
+    }
+}
+
+impl DirectPass {
+    /// The lobes of a group's rows.
+    fn glossy(&self, rows: Range<usize>) -> Vec<Glossy<'_>> {
+        let (size, areas) = (self.projection.size(), self.projection.areas());
+        let own = |(lane, row): (usize, usize)| {
+            let lobe = self.lobes.of(row, self.visibility.points.normal[row])?;
+            let sampled = lobe.is_narrow(size).then(|| lobe.sampled(size, areas, row as u64));
+            Some(Glossy { lane, lobe, sampled })
+        };
+        rows.enumerate().filter_map(own).collect()
+    }
+}
+
+/// A row with a lobe, in its group.
+struct Glossy<'a> {
+    lane: usize,
+    lobe: Lobe<'a>,
+    /// What each texel takes, where the lobe is much narrower than texels.
+    sampled: Option<Vec<(u32, f32)>>,
+}
+
+impl Glossy<'_> {
+    /// What the row takes from a texel, where a diffuse one takes `seen` of a `cosine`: as much of the lobe is seen.
+    fn instead_of(&self, seen: f32, cosine: f32, texels: &Texels, texel: usize) -> f32 {
+        if seen <= 0.0 {
+            return 0.0;
+        }
+        let whole = match &self.sampled {
+            None => self.lobe.mean(texels, texel),
+            Some(hits) => match hits.binary_search_by_key(&(texel as u32), |hit| hit.0) {
+                Ok(at) => hits[at].1,
+                Err(_) => 0.0,
+            },
+        };
+        whole * if cosine > seen { seen / cosine } else { 1.0 }
     }
 }
 

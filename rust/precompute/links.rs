@@ -3,7 +3,7 @@
 //!
 //! ```text
 //!     F_gh = rays of g that meet what h speaks for / N                 row sums at most 1, as integers
-//!     W_x  = 1 / (|x - n| / r_n + 0.05)^2 of the 4 best of 32 nodes, in 256ths that sum to 256
+//!     W_x  = 1 / (|x - n| / r_n + 0.05)^2 of the 4 best of 32 nodes, in 4,096ths that sum to 4,096
 //!     or     rays of x that meet what n speaks for / N                 where fewer than two speak for x, or the albedo that
 //!                                                                      x sees differs from what they say (the audit)
 //! ```
@@ -16,8 +16,10 @@ use crate::scene::surface::dot;
 use crate::scene::{CELL, Nodes, Placed, Points, Surfaces};
 use crate::transport::{Slab, Weights};
 
-/// Weights are integers times 2^-8.
-const EXPONENT: i32 = -8;
+use super::lobes::{Lobe, Lobes};
+
+/// Weights are integers times 2^-12.
+const EXPONENT: i32 = -12;
 const WHOLE: u32 = 1 << -EXPONENT;
 /// Nodes looked at for a receiver, those of them that are asked, and those that it takes from.
 const AROUND: usize = 32;
@@ -36,6 +38,9 @@ const CHECKED: usize = 64;
 const CLOSELY: usize = 64;
 /// A receiver that gathers from so few nodes costs no more than one that interpolates.
 const FEW: usize = 4;
+/// Rays of a lobe along a side, twice as many where it is wider than 15 degrees.
+const LOBE_SIDE: usize = 8;
+const WIDE: f64 = 0.26;
 
 /// Sparse counts of rays, row by row.
 #[derive(Clone, Debug, Default)]
@@ -146,6 +151,8 @@ pub struct Links {
     pub audited: usize,
     /// See `unspoken`.
     pub few: usize,
+    /// Rows that gather as they are glossy.
+    pub glossy: usize,
     /// Some receivers, evenly spread, and what thousands of rays say of them.
     pub checks: Vec<Check>,
     /// Rays shot.
@@ -174,6 +181,7 @@ enum Why {
     Unspoken,
     Audited,
     Few,
+    Glossy,
 }
 
 /// Links receivers to nodes. `albedo`: of each node, the mean of its colours; `seen`: the mean albedo that each node's own
@@ -182,6 +190,7 @@ pub fn links(
     surfaces: Surfaces,
     nodes: &Nodes,
     receivers: &Points,
+    lobes: &Lobes,
     gathering: Gathering,
     albedo: &[f64],
     seen: &[f64],
@@ -198,6 +207,9 @@ pub fn links(
         let normal = receivers.normal[row].map(f64::from);
         if normal == [0.0; 3] {
             return (Taken::Interpolated(Vec::new()), 0);
+        }
+        if let Some(lobe) = lobes.of(row, receivers.normal[row]) {
+            return reflected(surfaces, nodes, origin, &lobe, row as u64, room);
         }
         let directions = cosine_directions(normal, side, mixed(row as u64) ^ 1);
         let (found, _) = met(surfaces, nodes, directions.map(|direction| (origin, direction)));
@@ -228,7 +240,7 @@ pub fn links(
         .collect::<Result<_>>()?;
 
     let (mut starts, mut from, mut by) = (vec![0u32], Vec::new(), Vec::new());
-    let (mut whys, mut shot) = ([0; 3], 0);
+    let (mut whys, mut shot) = ([0; 4], 0);
     for (taken, own) in rows.into_iter().flatten() {
         shot += own;
         let pairs = match taken {
@@ -250,7 +262,8 @@ pub fn links(
         advance(0)?;
         let row = (2 * k + 1) * receivers.len() / (2 * count);
         let (origin, normal) = (receivers.origin[row].map(f64::from), receivers.normal[row].map(f64::from));
-        if normal == [0.0; 3] {
+        // What lies inside something takes nothing; a lobe gathers by few rays as by many.
+        if normal == [0.0; 3] || lobes.of(row, receivers.normal[row]).is_some() {
             return Ok(Check { receiver: row, taken: Vec::new(), gathered: Vec::new() });
         }
         let directions = cosine_directions(normal, CLOSELY, mixed(row as u64) ^ 2);
@@ -261,7 +274,46 @@ pub fn links(
     };
     let checks = (0..count).into_par_iter().map(check).collect::<Result<Vec<_>>>()?;
     let rays = shot + (count * CLOSELY * CLOSELY) as u64;
-    Ok(Links { weights, unspoken: whys[0], audited: whys[1], few: whys[2], checks, rays })
+    Ok(Links { weights, unspoken: whys[0], audited: whys[1], few: whys[2], glossy: whys[3], checks, rays })
+}
+
+/// What a glossy receiver takes: from the nodes around each point that its lobe's rays meet, by what these stand for.
+fn reflected(
+    surfaces: Surfaces,
+    nodes: &Nodes,
+    origin: [f64; 3],
+    lobe: &Lobe,
+    seed: u64,
+    room: &mut Vec<(f32, u32)>,
+) -> (Taken, u64) {
+    let side = if lobe.half_width() > WIDE { 2 * LOBE_SIDE } else { LOBE_SIDE };
+    let mut shares: Vec<(u32, f64)> = Vec::new();
+    let origin = origin.map(|x| x as f32);
+    for (direction, weight) in lobe.samples(side, mixed(seed) ^ 4) {
+        let Some(hit) = surfaces.meet(origin, direction) else { continue };
+        let Some(nearest) = nodes.nearest(&hit, room) else { continue };
+        let mut around: Vec<(u32, f64)> = Vec::with_capacity(TAKEN);
+        for number in nodes.several(hit.place, hit.normal, TAKEN, room) {
+            let node = &nodes.nodes[number];
+            let apart: [f64; 3] = std::array::from_fn(|k| node.place[k] - hit.place[k]);
+            let distance = dot(apart, apart).sqrt();
+            if dot(node.normal, hit.normal) > FACING && distance < ALONG * node.spacing {
+                around.push((number as u32, (distance / node.spacing + 0.05).powi(-2)));
+            }
+        }
+        if around.is_empty() {
+            around.push((nearest as u32, 1.0));
+        }
+        let sum: f64 = around.iter().map(|&(_, share)| share).sum();
+        shares.extend(around.iter().map(|&(node, share)| (node, weight * share / sum)));
+    }
+    shares.sort_by_key(|&(node, _)| node);
+    let whole = |same: &[(u32, f64)]| {
+        let share: f64 = same.iter().map(|&(_, share)| share).sum();
+        (same[0].0, (share * f64::from(WHOLE)).round().min(f64::from(u16::MAX)) as u16)
+    };
+    let taken = shares.chunk_by(|a, b| a.0 == b.0).map(whole).filter(|&(_, weight)| weight > 0).collect();
+    (Taken::Gathered(taken, Why::Glossy), (side * side) as u64)
 }
 
 /// The nodes that speak for a receiver, and the rays it took to find them: integers that sum to `WHOLE`, or nothing where

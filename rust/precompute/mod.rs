@@ -4,6 +4,7 @@
 pub mod bounces;
 pub mod direct;
 pub mod links;
+pub mod lobes;
 pub mod node_pass;
 pub mod pass;
 mod projection;
@@ -14,5 +15,6 @@ mod visibility;
 pub use bounces::{Bounces, Interreflection, Share};
 pub use direct::DirectPass;
 pub use links::{FormFactors, Gathering, Links, form_factors, links};
+pub use lobes::{DIFFUSE, Lobes};
 pub use node_pass::NodePass;
 pub use pass::{Made, Pass, Probed, Rays, Shape, Surveyed, probe, survey, tile};

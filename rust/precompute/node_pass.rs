@@ -31,7 +31,7 @@ pub struct Room {
 impl NodePass {
     /// Refuses what the direct pass does.
     pub fn new(tracer: Arc<Tracer>, placed: &Placed, space: ColumnSpace, edge_side: usize) -> Result<Self> {
-        let direct = DirectPass::new(tracer, placed.cell_points(GROUP), space, edge_side)?;
+        let direct = DirectPass::new(tracer, placed.cell_points(GROUP), Arc::default(), space, edge_side)?;
         let shape = Shape { rows: placed.nodes.len(), ..direct.shape().clone() };
         Ok(NodePass { direct, shape })
     }

@@ -5,6 +5,7 @@
 
 use std::f64::consts::PI;
 
+use crate::basis::cubemap::solid_angles;
 use crate::basis::haar::Haar;
 use crate::basis::{ColumnSpace, HARMONIC_FACE, HarmonicProjection};
 use crate::error::{Error, Result};
@@ -18,6 +19,8 @@ pub(super) struct Projection {
     size: usize,
     /// What a cosine is multiplied by to be a texel's entry, for the texels of one face.
     factors: Vec<f32>,
+    /// Solid angles of the texels of a face.
+    areas: Vec<f64>,
 }
 
 enum Basis {
@@ -38,12 +41,13 @@ impl Projection {
             ColumnSpace::Haar { size } | ColumnSpace::HaarTexels { size } => {
                 let haar = Haar::shared(size)?;
                 let factors = haar.roots().iter().map(|root| (root / PI) as f32).collect();
-                Projection { basis: Basis::Haar(haar), size, factors }
+                Projection { basis: Basis::Haar(haar), size, factors, areas: solid_angles(size) }
             }
             ColumnSpace::SphericalHarmonics { order } => Projection {
                 basis: Basis::Harmonics(HarmonicProjection::shared(order)?),
                 size: HARMONIC_FACE,
                 factors: vec![(1.0 / PI) as f32; HARMONIC_FACE * HARMONIC_FACE],
+                areas: solid_angles(HARMONIC_FACE),
             },
             ColumnSpace::Tree { .. } | ColumnSpace::Representatives { .. } => {
                 return Err(Error::input(format!("expected columns that light is measured in, got {space}")));
@@ -54,6 +58,11 @@ impl Projection {
     /// Texels along a face that the pass shoots.
     pub fn size(&self) -> usize {
         self.size
+    }
+
+    /// Solid angles of the texels of a face.
+    pub fn areas(&self) -> &[f64] {
+        &self.areas
     }
 
     /// What the cosine at a texel is multiplied by; the faces are alike.

@@ -84,7 +84,8 @@ impl Texels {
         self.centre.len()
     }
 
-    fn place(&self, texel: usize) -> (usize, usize, usize) {
+    /// Face, row and column of a texel.
+    pub fn place(&self, texel: usize) -> (usize, usize, usize) {
         let in_face = texel % (self.size * self.size);
         (texel / (self.size * self.size), in_face / self.size, in_face % self.size)
     }

@@ -55,6 +55,11 @@ impl Normals {
         }
     }
 
+    /// The cosine between a unit direction and one normal.
+    pub fn cosine(&self, direction: [f32; 3], ray: usize) -> f32 {
+        self.0[0][ray] * direction[0] + self.0[1][ray] * direction[1] + self.0[2][ray] * direction[2]
+    }
+
     /// Receivers that have a direction above their horizon.
     fn above(&self, direction: [f32; 3]) -> u64 {
         let mut cosines = [0.0; BUNDLE_ROWS];

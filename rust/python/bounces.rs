@@ -161,10 +161,10 @@ impl Sources {
         audit: f64,
         progress: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Links> {
-        let (scene, points) = (scene.get(), receivers.get().points());
+        let (scene, points, lobes) = (scene.get(), receivers.get().points(), receivers.get().lobes());
         let links = interruptible(py, progress, |watch| {
             let (gathering, advance) = (Gathering { side, audit }, |done| watch.advance(done));
-            core::links(scene.surfaces(), &self.nodes, &points, gathering, &self.albedo, &self.seen, &advance)
+            core::links(scene.surfaces(), &self.nodes, &points, &lobes, gathering, &self.albedo, &self.seen, &advance)
         })?;
         Ok(Links { links })
     }
@@ -302,7 +302,7 @@ impl Bounces {
                 rays = rays.plus(shot);
             }
             let checked = Arc::new(receivers.some(links.links.checks.iter().map(|check| check.receiver)));
-            let looked = DirectPass::new(tracer, checked, space, edge_side)?;
+            let looked = DirectPass::new(tracer, checked, Arc::default(), space, edge_side)?;
             let (arriving, shot) = tile(&looked, 0..looked.shape().rows, std::slice::from_ref(&fine), &|_| Ok(()))?;
             let rays = rays.plus(shot);
             let between = self.interreflection(&links.links, &arriving);
@@ -366,10 +366,11 @@ impl Links {
         Link(crate::transport::Link::Weights(Arc::new(self.links.weights.clone())))
     }
 
-    /// Rows that gather: as too few nodes speak for them, as the audit found them wrong, and as they see few nodes.
+    /// Rows that gather: as too few nodes speak for them, as the audit found them wrong, as they see few nodes, and
+    /// as they are glossy.
     #[getter]
-    fn gathering(&self) -> (usize, usize, usize) {
-        (self.links.unspoken, self.links.audited, self.links.few)
+    fn gathering(&self) -> (usize, usize, usize, usize) {
+        (self.links.unspoken, self.links.audited, self.links.few, self.links.glossy)
     }
 
     /// Bytes.

@@ -1,5 +1,7 @@
 //! Bindings of `brdf`: models by their names and measured tables, asked with rows of unit directions.
 
+use std::sync::Arc;
+
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use rayon::prelude::*;
@@ -21,13 +23,13 @@ const TOGETHER: usize = 256;
 #[pyclass(frozen, module = "deltalux._core")]
 pub(crate) struct Brdf {
     /// The model, its parameters checked.
-    model: Box<dyn Model>,
+    pub(super) model: Arc<dyn Model>,
 }
 
 impl Brdf {
     /// What a constructor made.
     fn of(model: Result<impl Model + 'static>) -> PyResult<Brdf> {
-        Ok(Brdf { model: Box::new(model?) })
+        Ok(Brdf { model: Arc::new(model?) })
     }
 }
 
@@ -209,7 +211,7 @@ impl Brdf {
 #[pyclass(frozen, module = "deltalux._core")]
 pub(crate) struct Measured {
     /// Its table, checked.
-    table: Box<dyn Colours>,
+    pub(super) table: Arc<dyn Colours>,
 }
 
 /// A table of a file with its last two lengths.
@@ -220,7 +222,7 @@ impl Measured {
     /// The colours of MERL's cells, (90 * 90 * 180, 3) float32.
     #[staticmethod]
     fn merl(cells: PyReadonlyArray2<'_, f32>) -> PyResult<Measured> {
-        Ok(Measured { table: Box::new(Merl::new(vectors("cells", &cells)?)?) })
+        Ok(Measured { table: Arc::new(Merl::new(vectors("cells", &cells)?)?) })
     }
 
     /// The tables of a file of EPFL's, flat, by its own names.
@@ -250,7 +252,7 @@ impl Measured {
             rgb: (&r.0, r.1),
             jacobian,
         })?;
-        Ok(Measured { table: Box::new(table) })
+        Ok(Measured { table: Arc::new(table) })
     }
 
     /// f of wi (n, 3) and wo (n, 3) in linear RGB: (n, 3) float64.

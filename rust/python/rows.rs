@@ -6,11 +6,15 @@ use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
+use crate::brdf::Brdf;
+use crate::brdf::measured::Colour;
 use crate::error::{Error, Result};
+use crate::precompute::{DIFFUSE, Lobes};
 use crate::scene::{self as core, Mesh, Points, Vertices};
 use crate::transport::{ReceiverKind, ReceiverTable as Table};
 
 use super::arrays::{rows, rows_of, to_vec, to_vec_of_rows, vectors};
+use super::brdf::{Brdf as Model, Measured};
 use super::compute;
 use super::receivers::ReceiverTable;
 
@@ -49,8 +53,18 @@ pub(super) struct Receivers {
     barycentric: Vec<[f32; 2]>,
     /// Whether it is the back of the triangle.
     back: Vec<bool>,
+    lobes: Arc<Lobes>,
+    /// Of each row the place of its lobe in its material's list; -1 of diffuse ones.
+    lobe: Vec<i32>,
     rays: u64,
     kind: Kind,
+}
+
+/// A lobe of a material: a model, or one colour of a measured table.
+#[derive(FromPyObject)]
+enum OneLobe<'py> {
+    Model(Bound<'py, Model>),
+    Measured(Bound<'py, Measured>, usize),
 }
 
 /// What rows stand for.
@@ -67,6 +81,8 @@ impl Receivers {
         let back = triangle.iter().zip(&points.normal).map(|(&triangle, normal)| mesh.is_back(triangle, *normal));
         Receivers {
             back: back.collect(),
+            lobes: Arc::default(),
+            lobe: vec![-1; triangle.len()],
             position: points.origin.iter().map(|origin| mesh.world(origin.map(f64::from))).collect(),
             triangle: triangle.into_iter().map(|triangle| mesh.source[triangle as usize]).collect(),
             barycentric,
@@ -84,6 +100,8 @@ impl Receivers {
             barycentric: rows.places.iter().map(|at| at.barycentric).collect(),
             points: Arc::clone(&rows.points),
             back: rows.places.iter().map(|at| mesh.is_back(at.triangle, at.normal.map(|n| n as f32))).collect(),
+            lobes: Arc::default(),
+            lobe: vec![-1; rows.len()],
             rays: 0,
             kind: Kind::Vertices(rows),
         }
@@ -92,6 +110,11 @@ impl Receivers {
     /// Where the rows' rays start.
     pub(super) fn points(&self) -> Arc<Points> {
         Arc::clone(&self.points)
+    }
+
+    /// What the rows take by other lobes than cosines.
+    pub(super) fn lobes(&self) -> Arc<Lobes> {
+        Arc::clone(&self.lobes)
     }
 
     /// What is known of vertices; refuses pixels.
@@ -114,6 +137,74 @@ impl Receivers {
     #[getter]
     fn rays(&self) -> u64 {
         self.rays
+    }
+
+    /// Of each row the place of its lobe in the list of its material, (rows,) int32; -1 of diffuse rows.
+    #[getter]
+    fn lobe(&self, py: Python<'_>) -> Py<PyArray1<i32>> {
+        PyArray1::from_slice(py, &self.lobe).unbind()
+    }
+
+    /// The rows of pixels as their materials ask for them: one where a material is `diffuse`, and one for each of its lobes,
+    /// seen from `eye`; the lobes come last. material: (rows,) uint32. A lobe of a measured material is one of its colours.
+    fn glossy(
+        &self,
+        material: PyReadonlyArray1<'_, u32>,
+        diffuse: Vec<bool>,
+        lobes: Vec<Vec<OneLobe<'_>>>,
+        eye: [f64; 3],
+    ) -> PyResult<Receivers> {
+        let Kind::Pixels { image, pixel, weight, background } = &self.kind else {
+            return Err(Error::input("expected pixels for lobes that one eye sees, but these rows are vertices").into());
+        };
+        let material = to_vec(&material);
+        let known = diffuse.len().min(lobes.len());
+        if material.len() != self.points.len() || material.iter().any(|&own| own as usize >= known) {
+            let rows = self.points.len();
+            return Err(Error::input(format!("expected a material below {known} for each of {rows} rows")).into());
+        }
+        let mut models: Vec<Arc<dyn Brdf>> = Vec::new();
+        let mut number = |lobe: &OneLobe<'_>| {
+            models.push(match lobe {
+                OneLobe::Model(model) => Arc::clone(&model.get().model),
+                OneLobe::Measured(table, channel) => Arc::new(Colour::new(Arc::clone(&table.get().table), *channel)?),
+            });
+            Ok(models.len() as u16 - 1)
+        };
+        let of_material = lobes.iter().map(|own| own.iter().map(&mut number).collect::<Result<Vec<u16>>>());
+        let of_material = of_material.collect::<Result<Vec<_>>>()?;
+        // Which row each new one comes of, and its lobe: first all without, then all with.
+        let plain = (0..material.len()).filter(|&row| diffuse[material[row] as usize]).map(|row| (row, None));
+        let shiny = (0..material.len()).flat_map(|row| {
+            let own = &of_material[material[row] as usize];
+            own.iter().enumerate().map(move |(place, &model)| (row, Some((place, model))))
+        });
+        let all: Vec<(usize, Option<(usize, u16)>)> = plain.chain(shiny).collect();
+        let points = self.points.some(all.iter().map(|&(row, _)| row));
+        let to_eye = |row: usize| {
+            let way: [f64; 3] = std::array::from_fn(|k| eye[k] - f64::from(self.position[row][k]));
+            let length = way.iter().map(|x| x * x).sum::<f64>().sqrt().max(f64::MIN_POSITIVE);
+            way.map(|x| (x / length) as f32)
+        };
+        let of_row = all.iter().map(|(_, lobe)| lobe.map_or(DIFFUSE, |(_, model)| model)).collect();
+        let eyes = all.iter().map(|&(row, _)| to_eye(row)).collect();
+        let picked = |items: &[u32]| all.iter().map(|&(row, _)| items[row]).collect::<Vec<u32>>();
+        Ok(Receivers {
+            position: all.iter().map(|&(row, _)| self.position[row]).collect(),
+            triangle: picked(&self.triangle),
+            barycentric: all.iter().map(|&(row, _)| self.barycentric[row]).collect(),
+            back: all.iter().map(|&(row, _)| self.back[row]).collect(),
+            lobes: Arc::new(Lobes::new(models, of_row, eyes)?),
+            lobe: all.iter().map(|(_, lobe)| lobe.map_or(-1, |(place, _)| place as i32)).collect(),
+            points: Arc::new(points),
+            rays: self.rays,
+            kind: Kind::Pixels {
+                image: *image,
+                pixel: picked(pixel),
+                weight: all.iter().map(|&(row, _)| weight[row]).collect(),
+                background: background.clone(),
+            },
+        })
     }
 
     /// Pixels in which nothing is seen; 0 of vertices.

@@ -155,7 +155,8 @@ impl DirectPass {
     ) -> PyResult<Self> {
         let (tracer, points) = (scene.get().tracer(), receivers.get().points());
         let space = columns.parse()?;
-        compute(py, || Ok(DirectPass(Direct::new(tracer, points, space, edge_side)?)))
+        let lobes = receivers.get().lobes();
+        compute(py, || Ok(DirectPass(Direct::new(tracer, points, lobes, space, edge_side)?)))
     }
 
     /// Looks at some bundles of 64 rows, and chooses the threshold for a relative image error.

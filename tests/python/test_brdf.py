@@ -544,6 +544,8 @@ def damaged():
     huge = struct.pack("<Q", 2**63)
     yield "ends behind the file", whole[:36] + huge + whole[44:]
     yield "expected field '' of a known type, got type 0", whole[:14] + b"\xff" * 4 + whole[18:]
+    empty = struct.pack("<H3sHBQ2Q", 3, b"ndf", 2, 10, 0, 2**63, 0)
+    yield "field 'ndf' of shape", tensor_file.MAGIC + struct.pack("<2BI", 1, 0, 1) + empty
     for name, change, said in (
         ("rgb", None, "expected a field 'rgb'"),
         ("rgb", lambda a: a[:, :, :2], "expected rgb of shape"),

@@ -51,6 +51,7 @@ class _Reader:
             raise ValueError(f"expected field {name!r} of a known type, got type {kind} of {dimensions} dimensions")
         shape = self.take(f"<{dimensions}Q")
         dtype, count = np.dtype(_TYPES[kind]), math.prod(shape)
-        if begins + count * dtype.itemsize > len(self.content):
+        # An axis can be longer than the file where another is 0, and longer than numpy counts.
+        if begins + count * dtype.itemsize > len(self.content) or max(shape, default=0) > len(self.content):
             raise ValueError(f"truncated: field {name!r} of shape {shape} ends behind the file")
         return name, np.frombuffer(self.content, dtype, count, begins).reshape(shape)
