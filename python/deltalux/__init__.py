@@ -14,6 +14,7 @@ from .precomputation.run import plan, precompute
 from .relight.compare import Comparison, compare
 from .relight.relighter import Frame, Relighter
 from .scene.scene import Scene
+from .surface.material import Material
 from .transport.plan import Plan
 from .transport.transport import Transport
 from .update.approximation import Approximation, Update
@@ -33,6 +34,7 @@ __all__ = [
     "HarmonicOrder",
     "Incremental",
     "Linear",
+    "Material",
     "Method",
     "Nonlinear",
     "PerBand",

@@ -32,7 +32,8 @@ RUST_FLOORS = (
 PYTHON_FLOORS = (
     ("_core",),
     ("checks", "rotation", "io", "output", "progress"),
-    ("light", "update", "columns", "brdf", "camera", "surface"),
+    ("light", "update", "columns", "brdf", "camera"),
+    ("surface",),
     ("transport", "scene", "pages"),
     ("relight", "precomputation"),
     ("report", "edit", "__init__"),

@@ -75,6 +75,16 @@ class Measured:
         except ValueError as error:
             raise FileError(f"{os.fspath(path)}: {error}") from None
 
+    def core(self) -> Core:
+        """The table as the core has it.
+
+        Returns
+        -------
+        deltalux._core.Measured
+            Checked.
+        """
+        return self._core
+
     def evaluate(self, wi: ArrayLike, wo: ArrayLike) -> NDArray[np.float64]:
         """f(wi, wo) in linear RGB, without the cosine.
 

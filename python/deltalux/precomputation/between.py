@@ -117,7 +117,7 @@ class PlacedNodes:
         self._nodes = CoreNodes.place(core, receivers, camera, share=settings.spacing, cap=asked.cap)
         self.seconds = time.perf_counter() - started
         # A cell's colour is the mean of its points: textures are finer than nodes.
-        colours = scene.albedo_at(self._nodes.triangle, self._nodes.barycentric)
+        colours = scene.reflectance_at(self._nodes.triangle, self._nodes.barycentric)
         self._albedo = np.ascontiguousarray(
             colours.reshape(len(self._nodes), CoreNodes.CELL, 3).mean(axis=1), np.float32
         )

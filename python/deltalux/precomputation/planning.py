@@ -87,6 +87,15 @@ def make_plan(prepared: Prepared) -> Plan:
     )
 
 
+def _materials(prepared: Prepared) -> str:
+    """What the materials are, as far as they have rows."""
+    count = len(prepared.scene.albedo)
+    glossy = sum(model is not None for model in prepared.scene.models) if prepared.glossy else 0
+    if glossy:
+        return f"{glossy} of {count} materials are glossy in one grey lobe each colour of theirs, the others diffuse"
+    return "its material is diffuse" if count == 1 else f"all {count} materials are diffuse"
+
+
 def _found(prepared: Prepared) -> dict[str, int]:
     """What was put right in the scene, and what its vertices are."""
     return {
@@ -234,16 +243,21 @@ def _own_bytes(prepared: Prepared) -> float:
 def _left_out(prepared: Prepared, probe: _Probe, part: Part) -> list[LeftOut]:
     """What the scene and the request do not call for: each reason names what was found."""
     scene, settings, columns = prepared.scene, prepared.settings, prepared.columns
-    materials = "its material is" if len(scene.albedo) == 1 else f"all {len(scene.albedo)} materials are"
+    materials = _materials(prepared)
     left_out = []
     if part.channels == 1:
-        why = f"{materials} diffuse, so that a receiver's albedo stays outside M"
+        why = f"{materials}, so that a receiver's colour stays outside M"
         left_out.append(LeftOut("2 of 3 colour channels", why))
     if prepared.between is None or probe.hit_share == 0:
         left_out.append(LeftOut("bounces", _bounces(probe)))
     if part.factors == 1:
         view = "one view, and " if prepared.request.receivers == "pixels" else ""
-        left_out.append(LeftOut("view factors", f"{view}{materials} diffuse"))
+        left_out.append(LeftOut("view factors", f"{view}{materials}"))
+    if scene.models and not prepared.glossy:
+        why = "not asked for" if prepared.request.receivers == "pixels" else "vertices are seen from anywhere"
+        left_out.append(LeftOut("rows of glossy lobes", why))
+    if prepared.texels_left_out:
+        left_out.append(LeftOut("texel columns", "they hold cosines; suns reach glossy rows through wavelets"))
     behind = prepared.rows.unseen
     if behind:
         left_out.append(LeftOut("rows for pixels without a surface", f"{behind:,} pixels show the environment itself"))

@@ -6,10 +6,15 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from numbers import Real
+from typing import Any
+
+import numpy as np
 
 from .._core import DirectPass, Looked, Receivers
+from ..brdf import Measured
 from ..columns import Columns, Haar, parse
 from ..scene.scene import Scene
+from ..surface.material import Lobe
 from .between import Between, KnownNodes, Nodes, PlacedNodes
 from .lights import lights
 from .quality import QUALITIES, Quality
@@ -50,7 +55,7 @@ class Request:
 
     Attributes
     ----------
-    columns, quality, tolerance, receivers, normals
+    columns, quality, tolerance, receivers, normals, gloss
         As for `precompute`.
     between
         Of light between surfaces; None: nothing.
@@ -62,6 +67,7 @@ class Request:
     receivers: str = "pixels"
     normals: str = "smooth"
     between: Between | None = None
+    gloss: bool = True
 
     def __post_init__(self) -> None:
         for name, words in (("receivers", ("pixels", "vertices")), ("normals", ("smooth", "flat"))):
@@ -89,6 +95,11 @@ class Prepared:
         self.scene, self.request = scene, request
         columns = request.columns
         self.columns = parse(columns) if isinstance(columns, str) else columns
+        self.glossy = request.gloss and request.receivers == "pixels" and bool(scene.models)
+        # A texel's column is made anew from cosines, which glossy rows do not hold.
+        self.texels_left_out = self.glossy and isinstance(self.columns, Haar) and self.columns.texels
+        if self.texels_left_out:
+            self.columns = Haar(self.columns.face)
         self.quality, self.settings = request.quality, _settings(request.quality, request.tolerance)
         check_request(scene)
         self.core = scene.traced()
@@ -107,10 +118,31 @@ class Prepared:
         self.direct = DirectPass(self.core, self.rows, columns=str(self.columns), edge_side=self.settings.edge_side)
 
     def _found(self) -> Receivers:
-        if self.request.receivers == "pixels":
-            return self.core.receivers(self.camera, edges=self.settings.edges)
         scene = self.scene
+        if self.request.receivers == "pixels":
+            rows = self.core.receivers(self.camera, edges=self.settings.edges)
+            if not self.glossy:
+                return rows
+            lobes = [lobes_of(model) for model in scene.models]
+            # A measured material holds all that it reflects, and black has nothing to add to a lobe.
+            black = (scene.albedo == 0).all(axis=1)
+            diffuse = [
+                model is None or not (isinstance(model, Measured) or dark)
+                for model, dark in zip(scene.models, black, strict=True)
+            ]
+            return rows.glossy(scene.material[rows.triangle], diffuse, lobes, scene.camera.position)
         return self.core.vertices(scene.triangles, shading=self.request.normals, normals=scene.normals)
+
+    def albedo(self) -> np.ndarray:
+        """What the response of each row is multiplied by: the diffuse albedo, or the colour of its lobe."""
+        scene, rows = self.scene, self.rows
+        albedo = scene.albedo_at(rows.triangle, rows.barycentric)
+        lobe, material = rows.lobe, scene.material[rows.triangle]
+        if scene.specular is not None and (lobe >= 0).any():
+            for number, model in enumerate(scene.models):
+                for place, colour in enumerate(lobe_colours(model)):
+                    albedo[(material == number) & (lobe == place)] = scene.specular[number] * colour
+        return albedo
 
     @property
     def asked(self) -> dict[str, object]:
@@ -119,6 +151,7 @@ class Prepared:
         asked: dict[str, object] = {} if request.between is None else {"between": asdict(request.between)}
         if isinstance(self.between, KnownNodes):
             asked |= {"nodes": self.between.name}
+        asked |= {} if request.gloss else {"gloss": False}
         return asked if request.receivers == "pixels" else asked | {"vertices": request.normals}
 
     @property
@@ -147,6 +180,23 @@ class Prepared:
             of = without if light.peaks == 0 else errors
             of[light.name] = max(error, of.get(light.name, 0.0))
         return Survey(found, errors, without)
+
+
+_ONE = np.ones(3, np.float32)
+
+
+def lobes_of(model: Lobe | None) -> list[Any]:
+    """The lobes that rows of a material have, as the core takes them: of a measured one each of its colours."""
+    if model is None:
+        return []
+    return [(model.core(), channel) for channel in range(3)] if isinstance(model, Measured) else [model.core()]
+
+
+def lobe_colours(model: Lobe | None) -> list[np.ndarray]:
+    """What each of them is a share of."""
+    if model is None:
+        return []
+    return list(np.eye(3, dtype=np.float32)) if isinstance(model, Measured) else [_ONE]
 
 
 def _settings(quality: str, tolerance: float | None) -> Quality:

@@ -37,6 +37,7 @@ def plan(
     nodes: int | str = "auto",
     receivers: str = "pixels",
     normals: str = "smooth",
+    gloss: bool = True,
 ) -> Plan:
     """What `precompute` would compute and leave out, and what it would cost.
 
@@ -46,7 +47,7 @@ def plan(
     ----------
     scene
         Geometry, materials and camera.
-    columns, quality, tolerance, bounces, residual, nodes, receivers, normals
+    columns, quality, tolerance, bounces, residual, nodes, receivers, normals, gloss
         As for `precompute`.
 
     Returns
@@ -60,7 +61,7 @@ def plan(
         As `precompute`, but for what would not fit on a disk.
     """
     asked = between(bounces, residual, nodes)
-    return Precomputation(scene, Request(columns, quality, tolerance, receivers, normals, asked)).plan
+    return Precomputation(scene, Request(columns, quality, tolerance, receivers, normals, asked, gloss)).plan
 
 
 def precompute(
@@ -75,6 +76,7 @@ def precompute(
     residual: float = RESIDUAL,
     nodes: int | str = "auto",
     normals: str = "smooth",
+    gloss: bool = True,
     progress: bool | Progress = True,
 ) -> Transport:
     """Ray traces the light transport of a scene into a directory, and opens it.
@@ -110,6 +112,9 @@ def precompute(
     normals
         Of vertices: "smooth", as the scene brings them, else the mean of the faces around by area, up to creases of 40
         degrees; or "flat".
+    gloss
+        Whether materials with a lobe have rows for it, as the camera sees them; their columns are without texels. What
+        they reflect of other surfaces takes bounces, and is as sharp as the nodes. Rows at vertices are diffuse.
     progress
         True: a bar on standard error. A callable: progress(rows done, rows in all).
 
@@ -130,7 +135,8 @@ def precompute(
     Rows are T_p = V cos / pi per steradian (Overbeck 2006, eq. 3.2 without the albedo), in the Haar basis that is
     orthonormal on the sphere.
     """
-    request = Request(columns, quality, tolerance, receivers, normals, between(bounces, residual, nodes))
+    asked = between(bounces, residual, nodes)
+    request = Request(columns, quality, tolerance, receivers, normals, asked, gloss)
     check_folder_of(Path(path))
     return Precomputation(scene, request).run(path, progress)
 
@@ -200,7 +206,7 @@ class _Run:
         self.started, self.rays = prepared.clock(), 0
         self.parts: list[tuple[str, str, int, int, int, str, int]] = []
         self.link: Link | None = None
-        self.beside: list[tuple[str, list[tuple[str, np.ndarray]]]] = []
+        self.beside: list[tuple[str, dict[str, np.ndarray]]] = []
         self.solve: Solve | None = None
         self.notes: list[str] = []
 
@@ -251,14 +257,14 @@ class _Run:
                 self.writer.write_shard(part.name, shard, tiles)
         self.parts.append((part.name, own.columns, made.rows, own.channels, made.quantum, made.width, made.tile_rows))
         self.link = links.link
-        self.beside.append(("nodes", [("kept", sources.kept())]))
+        self.beside.append(("nodes", {"kept": sources.kept()}))
         self.rays += links.rays + made.rays
-        unspoken, audited, few = links.gathering
-        self.solve = replace(made.solve, gathering=(unspoken + audited + few) / prepared.count)
+        unspoken, audited, few, glossy = links.gathering
+        self.solve = replace(made.solve, gathering=(unspoken + audited + few + glossy) / prepared.count)
         self.notes += [
             f"{100 * self.solve.gathering:.1f} % of {prepared.count:,} receivers gather: {unspoken:,} as fewer than "
-            f"two nodes speak for them, {audited:,} by the audit, {few:,} as they see four nodes at most; "
-            f"{links.nbytes / prepared.count:.1f} bytes of links a receiver",
+            f"two nodes speak for them, {audited:,} by the audit, {few:,} as they see four nodes at most, {glossy:,} "
+            f"as they are glossy; {links.nbytes / prepared.count:.1f} bytes of links a receiver",
             str(self.solve),
         ]
 
@@ -292,7 +298,7 @@ class _Run:
         scene, rows = self.prepared.scene, self.prepared.rows
         looked = self.survey.looked
         table = rows.table(
-            scene.albedo_at(rows.triangle, rows.barycentric),
+            self.prepared.albedo(),
             scene.material[rows.triangle].astype(np.uint16),
         )
         arrays = scene.arrays()
@@ -307,7 +313,7 @@ class _Run:
             first=len(self.parts),
             link=self.link,
             audit=(looked.groups, looked.audit) if len(looked.groups) else None,
-            beside=[("scene", list(arrays.items())), *self.beside],
+            beside=[(name, list(own.items())) for name, own in (("scene", arrays), *self.beside) if own],
         )
 
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
 from ..camera import LARGEST_COORDINATE
 from ..checks import as_vector, real_array
+from ..surface.material import Material
 from .content import MOST_TRIANGLES
 
 
@@ -94,6 +97,22 @@ def checked_normals(normals: npt.ArrayLike, vertices: tuple[int, ...]) -> np.nda
             f"the first is that of vertex {bad[0]}"
         )
     return np.asarray(vectors / lengths[:, None])
+
+
+def checked_materials(materials: Sequence[Material], numbers: npt.ArrayLike | None, triangles: int) -> np.ndarray:
+    """For each triangle the number of its material."""
+    if len(materials) == 0 or any(not isinstance(material, Material) for material in materials):
+        raise ValueError(f"materials must be a list of dl.Material, got {materials!r:.80}")
+    if numbers is None:
+        if len(materials) > 1:
+            raise ValueError(f"material must say which of {len(materials)} materials each triangle has")
+        return np.zeros(triangles, np.int64)
+    found = np.asarray(numbers)
+    if found.shape != (triangles,) or found.dtype.kind not in "iu":
+        raise ValueError(f"material must be ({triangles},) integers, one per triangle, got {found.dtype} {found.shape}")
+    if found.min() < 0 or found.max() >= len(materials):
+        raise ValueError(f"material must be in [0, {len(materials)}), but the largest is {found.max()}")
+    return found
 
 
 def checked_albedo(albedo: npt.ArrayLike) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""What is looked at, and from where: triangles, diffuse materials and a camera, all immutable.
+"""What is looked at, and from where: triangles, materials and a camera, all immutable.
 
 A `Scene` is made by `Scene.load`, `Scene.builtin` or `Scene.from_arrays`, which validate: what cannot be right is
 refused with a `ValueError`; what is merely untidy (triangles without area, the same triangle twice) is put right and
@@ -19,12 +19,14 @@ import numpy.typing as npt
 
 from ..camera import Camera
 from ..checks import real_array
-from ..surface.surface import Surface
+from ..surface.material import Material
+from ..surface.surface import Surface, of_materials
 from . import files
 from .builtin import catalogue
 from .checked import (
     check_corners,
     checked_albedo,
+    checked_materials,
     checked_normals,
     checked_triangles,
     checked_vertices,
@@ -37,11 +39,11 @@ from .content import Content, Piece
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Scene(Surface):
-    """Triangles with diffuse materials, and a camera. Made by `load`, `builtin` or `from_arrays`, not by hand.
+    """Triangles with their materials, and a camera. Made by `load`, `builtin` or `from_arrays`, not by hand.
 
     Attributes
     ----------
-    vertices, triangles, material, albedo, textures, uv, normals
+    vertices, triangles, material, albedo, textures, uv, normals, models, specular
         As of a `Surface`.
     camera : Camera
     name : str
@@ -160,6 +162,8 @@ class Scene(Surface):
         camera: Camera | None = None,
         *,
         normals: npt.ArrayLike | None = None,
+        materials: Sequence[Material] | None = None,
+        material: npt.ArrayLike | None = None,
         name: str = "arrays",
     ) -> Scene:
         """A scene from plain arrays.
@@ -175,6 +179,10 @@ class Scene(Surface):
             Otherwise one that frames everything.
         normals : (v, 3) real, optional
             Of the surface that the triangles stand for, of any length above 0: receivers at vertices face along them.
+        materials : sequence of Material, optional
+            Instead of `albedo`: of the whole scene, if there is one, or of what `material` says.
+        material : (t,) integer, optional
+            For each triangle its place in `materials`.
         name : str
             For titles and reports.
 
@@ -190,6 +198,15 @@ class Scene(Surface):
             of range.
         """
         corners = checked_triangles(triangles)
+        shading = None if normals is None else checked_normals(normals, np.shape(vertices))
+        if materials is not None:
+            numbers = checked_materials(materials, material, len(corners))
+            found = _assemble(
+                vertices, corners, numbers, np.zeros((len(materials), 3)), normals=shading, camera=camera, name=name
+            )
+            return replace(found, **of_materials(materials))
+        if material is not None:
+            raise ValueError("expected materials beside material, which says which of them a triangle has")
         colours = real_array("albedo", albedo, np.float64)
         if colours.shape not in ((3,), corners.shape):
             raise ValueError(f"albedo must have shape (3,) or {corners.shape}, one per triangle, got {colours.shape}")
@@ -197,9 +214,8 @@ class Scene(Surface):
         rows = np.broadcast_to(colours.astype(np.float32), (1, 3) if colours.ndim == 1 else corners.shape)
         first = first_equal_row(rows)
         distinct, of_row = np.unique(first, return_inverse=True)
-        material = np.broadcast_to(of_row, len(corners))
-        shading = None if normals is None else checked_normals(normals, np.shape(vertices))
-        return _assemble(vertices, corners, material, rows[distinct], normals=shading, camera=camera, name=name)
+        of_triangle = np.broadcast_to(of_row, len(corners))
+        return _assemble(vertices, corners, of_triangle, rows[distinct], normals=shading, camera=camera, name=name)
 
     def with_camera(self, camera: Camera) -> Scene:
         """The same scene seen by another camera.

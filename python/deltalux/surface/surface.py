@@ -1,26 +1,29 @@
-"""Triangles with diffuse materials, without a camera: what a scene is looked at for, and what its transport keeps."""
+"""Triangles with their materials, without a camera: what a scene is looked at for, and what its transport keeps."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from .._core import Scene as CoreScene
+from ..brdf import Measured, Model
+from .material import Lobe, Material, decoded, encoded, mean_albedo
 from .texture import bilinear
 
-__all__ = ["Surface"]
+__all__ = ["Surface", "of_materials"]
 
 _NO_PICTURE = np.iinfo(np.uint32).max
+_WHITEST = 0.999
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Surface:
-    """Triangles with diffuse materials.
+    """Triangles with their materials.
 
     Attributes
     ----------
@@ -37,6 +40,10 @@ class Surface:
         Texture coordinates, origin at the lower left, repeating.
     normals : (v, 3) float32 or None
         Of the surface that the triangles stand for, to its front; of length 0 where a vertex has none.
+    models : m entries, each a model of `deltalux.brdf` or None
+        Of the glossy lobes; empty where all materials are diffuse.
+    specular : (m, 3) float32 or None
+        What the lobes are multiplied by; None where there are none.
     """
 
     vertices: np.ndarray
@@ -46,6 +53,42 @@ class Surface:
     textures: tuple[np.ndarray | None, ...] = ()
     uv: np.ndarray | None = None
     normals: np.ndarray | None = None
+    models: tuple[Lobe | None, ...] = ()
+    specular: np.ndarray | None = None
+
+    @property
+    def materials(self) -> tuple[Material, ...]:
+        """All materials; textures are not in them."""
+        models = self.models or (None,) * len(self.albedo)
+        specular = np.zeros_like(self.albedo) if self.specular is None else self.specular
+        both = zip(self.albedo.tolist(), specular.tolist(), models, strict=True)
+        return tuple(Material(albedo, shine if model else None, model) for albedo, shine, model in both)
+
+    def with_material(self, number: int, material: Material) -> Self:
+        """The same with another material in the place of one.
+
+        Parameters
+        ----------
+        number : int
+            Its row of `albedo`.
+        material : Material
+            The other one; the texture of the first stays.
+
+        Returns
+        -------
+        The same kind
+            A new one, which shares the arrays.
+
+        Raises
+        ------
+        ValueError
+            If there is no such material.
+        """
+        if not 0 <= number < len(self.albedo):
+            raise ValueError(f"expected a material from 0 to {len(self.albedo) - 1}, got {number}")
+        all_ = list(self.materials)
+        all_[number] = material
+        return replace(self, **of_materials(all_))
 
     def traced(self) -> CoreScene:
         """The surfaces ready for rays: this builds the trees over them.
@@ -72,8 +115,9 @@ class Surface:
         """
         digest = hashlib.blake2b(digest_size=32)
         arrays = [self.vertices, self.triangles, self.material, self.albedo, self.uv, *self.textures]
-        # Normals came later: scenes without any have the digest that they had.
-        for array in arrays + ([] if self.normals is None else [self.normals]):
+        # What came later: scenes without any of it have the digest that they had.
+        later = [self.normals, self.specular, *_fingerprints(self.models)]
+        for array in arrays + [array for array in later if array is not None]:
             digest.update(b"none;" if array is None else f"{array.dtype.str}{array.shape};".encode())
             if array is not None:
                 digest.update(np.ascontiguousarray(array).data)
@@ -106,15 +150,41 @@ class Surface:
             albedo[here] *= bilinear(texture, (1.0 - b1 - b2) * uv0 + b1 * uv1 + b2 * uv2)
         return albedo
 
+    def reflectance_at(self, triangles: npt.ArrayLike, barycentrics: npt.ArrayLike) -> np.ndarray:
+        """All that surface points reflect, diffusely and in lobes, as light between surfaces takes it: as if diffuse.
+
+        Parameters
+        ----------
+        triangles, barycentrics
+            As for `albedo_at`.
+
+        Returns
+        -------
+        (k, 3) float32
+            Below 1: no series of bounces is endless.
+        """
+        whole = self.albedo_at(triangles, barycentrics)
+        material = self.material[np.asarray(triangles)]
+        for number, model in enumerate(self.models):
+            if model is not None and self.specular is not None:
+                here = material == number
+                lobe = self.specular[number] * mean_albedo(model)
+                whole[here] = lobe if isinstance(model, Measured) else whole[here] + lobe
+        return np.minimum(whole, np.float32(_WHITEST)) if self.models else whole
+
     def arrays(self) -> dict[str, np.ndarray]:
         """All of it as named arrays, which `restored` reads.
 
         Returns
         -------
         dict of str to array
-            Of float64, float32 and uint32. Pictures that several materials share are there once.
+            Of float64, float32 and uint32. Pictures that several materials share are there once. Empty where a
+            material is measured: its tables are not ours to copy.
         """
-        names = ("vertices", "triangles", "material", "albedo", "uv", "normals")
+        models = [model for model in self.models if not isinstance(model, Measured)]
+        if len(models) < len(self.models):
+            return {}
+        names = ("vertices", "triangles", "material", "albedo", "uv", "normals", "specular")
         found = {name: getattr(self, name) for name in names if getattr(self, name) is not None}
         pictures: dict[int, np.ndarray] = {id(texture): texture for texture in self.textures if texture is not None}
         if pictures:
@@ -122,7 +192,7 @@ class Surface:
             of_material = [_NO_PICTURE if texture is None else numbers[id(texture)] for texture in self.textures]
             found["pictures"] = np.array(of_material, np.uint32)
             found |= {f"picture.{number:05}": picture for number, picture in enumerate(pictures.values())}
-        return found
+        return found | encoded(models) if models else found
 
     @staticmethod
     def restored(arrays: Mapping[str, np.ndarray]) -> Surface:
@@ -151,6 +221,10 @@ class Surface:
             for name, width in (("uv", 2), ("normals", 3))
             if name in arrays
         }
+        if "models" in arrays:
+            kinds = _checked(arrays, "models", np.uint32, (len(albedo),))
+            optional["models"] = decoded(kinds, _checked(arrays, "parameters", np.float64, (len(albedo), None)))
+            optional["specular"] = _checked(arrays, "specular", np.float32, (len(albedo), 3))
         textures: tuple[np.ndarray | None, ...] = (None,) * len(albedo)
         if "pictures" in arrays:
             numbers = _checked(arrays, "pictures", np.uint32, (len(albedo),))
@@ -162,6 +236,34 @@ class Surface:
         return Surface(
             vertices=vertices, triangles=triangles, material=material, albedo=albedo, textures=textures, **optional
         )
+
+
+def of_materials(materials: Sequence[Material]) -> dict[str, Any]:
+    """The fields of a surface that hold its materials."""
+    models = tuple(material.model for material in materials)
+    glossy = any(model is not None for model in models)
+    return {
+        "albedo": _frozen([material.albedo for material in materials]),
+        "models": models if glossy else (),
+        "specular": _frozen([material.specular for material in materials]) if glossy else None,
+    }
+
+
+def _frozen(colours: list[Any]) -> np.ndarray:
+    array = np.array(colours, np.float32)
+    array.flags.writeable = False
+    return array
+
+
+def _fingerprints(models: Sequence[Lobe | None]) -> list[np.ndarray]:
+    """What tells models apart, as arrays."""
+    if not models:
+        return []
+    plain = [model if isinstance(model, Model) else None for model in models]
+    # A table by what it says of some directions.
+    at = np.random.default_rng(1).normal(size=(2, 64, 3)) * (1, 1, 0.5) + (0, 0, 0.7)
+    tables = [model.evaluate(*np.abs(at)) for model in models if isinstance(model, Measured)]
+    return [*encoded(plain).values(), *tables]
 
 
 def _checked(

@@ -416,7 +416,7 @@ class Transport:
         arrays = self._core.beside("scene")
         if arrays is None:
             raise ValueError(
-                "expected a transport that keeps its scene, but this file was made before 0.5; make it anew"
+                "expected a transport that keeps its scene, but this one was made before 0.5, or of a measured material"
             )
         try:
             surface = Surface.restored(arrays)
