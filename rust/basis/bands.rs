@@ -40,9 +40,8 @@ pub enum ColumnSpace {
         /// Leaves of the tree, without padding.
         samples: usize,
     },
-    /// What clustered transport stands on: for each cluster its mean, then its representatives.
-    ///
-    /// Band 0 holds the means of all clusters, band i the i-th representatives.
+    /// What clustered transport stands on: the means of all clusters, which are band 0, then the representatives of the first
+    /// cluster, of the second, and so on: band 1.
     Representatives {
         /// How many clusters, each with a column in band 0.
         clusters: usize,
@@ -176,6 +175,15 @@ impl ColumnSpace {
         }
     }
 
+    /// The cluster that a column of clustered transport belongs to; in all other spaces there is one.
+    pub fn cluster_of(self, column: usize) -> usize {
+        match self {
+            ColumnSpace::Representatives { clusters, .. } if column < clusters => column,
+            ColumnSpace::Representatives { clusters, each } => (column - clusters) / each,
+            _ => 0,
+        }
+    }
+
     /// The length of V: one coefficient a column.
     pub fn columns(self) -> usize {
         match self {
@@ -202,7 +210,8 @@ impl ColumnSpace {
                 Bands { starts, areas, always: columns.min(8), texels: 0 }
             }
             ColumnSpace::Representatives { clusters, each } => {
-                let starts = (0..=1 + each).map(|band| band * clusters).collect();
+                let mut starts = vec![0, clusters];
+                starts.extend((each > 0).then(|| self.columns()));
                 Bands { starts, areas: vec![1.0; self.columns()], always: clusters, texels: 0 }
             }
             ColumnSpace::HaarTexels { size } => {

@@ -5,6 +5,8 @@ pub mod cubemap;
 pub mod haar;
 pub mod haar_tree;
 pub mod harmonic_projection;
+pub mod k_means;
+pub mod pca;
 pub mod spherical_harmonics;
 pub mod texel;
 

@@ -4,6 +4,7 @@ mod arrays;
 mod beside;
 mod bounces;
 mod brdf;
+mod clusters;
 mod harmonics;
 mod interrupt;
 mod light;
@@ -62,6 +63,7 @@ fn core_module(module: &Bound<'_, PyModule>) -> PyResult<()> {
     rows::register(module)?;
     bounces::register(module)?;
     brdf::register(module)?;
+    clusters::register(module)?;
     tracer::register(module)?;
     Ok(())
 }

@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use numpy::PyReadonlyArray1;
+use numpy::{PyReadonlyArray1, PyReadonlyArray3};
 use pyo3::prelude::*;
 
 use crate::basis::HaarTree;
 use crate::transport::entry::entry_bytes;
 use crate::transport::file::manifest::TILES_PER_SHARD;
-use crate::transport::{self as core, Channels, GROUP, Tile, Weights};
+use crate::transport::{self as core, Channels, GROUP, RowNorms, Tile, Weights, bf16_up};
 
 use super::arrays::to_vec;
 
@@ -64,10 +64,19 @@ impl Link {
         Ok(Link(core::Link::Tree(Arc::new(HaarTree::new(to_vec(&areas))?))))
     }
 
-    /// Rows of each first matrix are the columns of its second.
+    /// Rows of each first matrix are the columns of its second. Of each pair the norms of the rows that both stand for, and of
+    /// what those are off: (rows, bands, channels) float64 each.
     #[staticmethod]
-    fn representatives() -> Self {
-        Link(core::Link::Representatives)
+    fn representatives(norms: Vec<(PyReadonlyArray3<'_, f64>, PyReadonlyArray3<'_, f64>)>) -> PyResult<Self> {
+        let bits = |norms: &PyReadonlyArray3<'_, f64>| -> Vec<u16> {
+            norms.as_array().iter().map(|&norm| bf16_up(norm)).collect()
+        };
+        let pair = |(kept, dropped): &(PyReadonlyArray3<'_, f64>, PyReadonlyArray3<'_, f64>)| {
+            let shape = kept.as_array().dim();
+            RowNorms::new(shape.1, Channels::from_count(shape.2)?, bits(kept).into(), bits(dropped).into())
+        };
+        let norms = norms.iter().map(pair).collect::<crate::error::Result<Vec<_>>>()?;
+        Ok(Link(core::Link::Representatives(norms.into())))
     }
 }
 

@@ -122,6 +122,15 @@ impl ReceiverTable {
         Ok(Self::points(rows, &albedo, &position, &normal, material.as_ref(), kind)?)
     }
 
+    /// The same in another order: row k is what row `order[k]` was; order: (rows,) uint32.
+    fn permuted(&self, order: PyReadonlyArray1<'_, u32>) -> PyResult<Self> {
+        let (order, rows) = (to_vec(&order), self.rows());
+        if order.iter().any(|&row| row as usize >= rows) {
+            return Err(Error::input(format!("expected an order of rows below {rows}")).into());
+        }
+        Ok(Self::checked(self.0.permuted(&order))?)
+    }
+
     /// The number of rows.
     fn __len__(&self) -> usize {
         self.rows()

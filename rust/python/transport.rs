@@ -13,6 +13,7 @@ use pyo3::types::PyDict;
 
 use crate::basis::ColumnSpace;
 use crate::error::{Error, Result};
+use crate::transport::clustering::labels;
 use crate::transport::entry::entry_bytes;
 use crate::transport::{
     self as core, Audit, Channels, Dense, Factors, Opened, Product, Sight, Tile, TransportMatrix, Truncation, Values,
@@ -41,6 +42,11 @@ impl Transport {
         Transport { chain: Arc::new(Chain::new(product)), file }
     }
 
+    /// One matrix in memory.
+    pub(super) fn of(matrix: Arc<TransportMatrix>) -> Self {
+        Transport::new(Product::one(matrix), None)
+    }
+
     /// The matrices, and what links them.
     fn product(&self) -> &Product {
         &self.chain.product
@@ -52,9 +58,9 @@ impl Transport {
     }
 
     /// The one matrix, for what only makes sense of one.
-    fn alone(&self) -> Result<&TransportMatrix> {
+    pub(super) fn alone(&self) -> Result<&Arc<TransportMatrix>> {
         let several = || Error::input("expected a transport of one matrix, but this one has several parts");
-        self.product().alone().map(Arc::as_ref).ok_or_else(several)
+        self.product().alone().ok_or_else(several)
     }
 
     /// What only a file has; refuses a transport that was made in memory.
@@ -373,6 +379,12 @@ impl Transport {
         let Some(then) = &self.product().then else { return Ok(None) };
         let norms = compute(py, || Ok(then.first().column_norms()))?;
         Ok(Some(norms.into_pyarray(py).unbind()))
+    }
+
+    /// The cluster of each row of a clustered transport, (rows,) uint32: the one whose mean it takes most of.
+    fn labels(&self, py: Python<'_>) -> PyResult<Py<PyArray1<u32>>> {
+        let labels = compute(py, || labels(self.matrix()))?;
+        Ok(labels.into_pyarray(py).unbind())
     }
 
     /// For each band of the first stage a factor: B is off by no more than the sum over bands of factor x |what is unsent in

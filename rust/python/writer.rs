@@ -36,6 +36,12 @@ impl TransportWriter {
         Ok(TransportWriter(Mutex::new(Some(writer))))
     }
 
+    /// Refuses a path that no transport can be written to; writes nothing.
+    #[staticmethod]
+    fn check(py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        compute(py, || Writer::check(&path).map(drop))
+    }
+
     /// Numbers of the shards of a part that need not be computed again, ascending.
     fn finished(&self, py: Python<'_>, part: &str) -> PyResult<Vec<usize>> {
         Ok(look_at(py, &self.0, |writer| writer.as_ref().map(|writer| writer.finished(part)))

@@ -13,7 +13,9 @@ use std::sync::Arc;
 use crate::basis::{ColumnSpace, HaarTree};
 use crate::error::{Error, Result};
 
+use super::entry::Channels;
 use super::matrix::TransportMatrix;
+use super::row_norms::RowNorms;
 use super::weights::Weights;
 
 /// Matrices over the same columns: one V, chosen once, is sent through all of them.
@@ -103,8 +105,9 @@ pub enum Link {
     /// They are the samples of a tree: their response, in Haar wavelets over it, is the V of the second stage. Where the
     /// first stage's columns are the same tree, its own V joins (light that arrives directly).
     Tree(Arc<HaarTree>),
-    /// Those of each first matrix are the columns of its own matrix in the second stage.
-    Representatives,
+    /// Those of each first matrix are the columns of its own matrix in the second stage. For each of them the norms of the
+    /// rows that both stand for.
+    Representatives(Arc<[RowNorms]>),
 }
 
 /// One or two stages.
@@ -152,9 +155,19 @@ impl Product {
                 let (columns, found) = (tree.space(), then.space());
                 expect(columns == found, format!("expected a second stage over {columns}, got {found}"))?;
             }
-            (Link::Representatives, Some(then)) => {
+            (Link::Representatives(norms), Some(then)) => {
                 let found = then.count();
                 expect(found == count, format!("expected a second matrix for each of {count}, got {found}"))?;
+                let pairs = self.first.iter().zip(then.iter());
+                let shape = |(first, then): (&Arc<TransportMatrix>, &Arc<TransportMatrix>)| {
+                    let three = [first, then].iter().any(|matrix| matrix.channels == Channels::Three);
+                    (then.rows, (first.bands.count(), if three { Channels::Three } else { Channels::One }))
+                };
+                let fit = pairs.map(shape).eq(norms.iter().map(|norms| (norms.rows(), norms.shape())));
+                expect(
+                    fit,
+                    "expected norms of all rows, in all bands and channels, of each pair of stages".to_owned(),
+                )?;
                 let (columns, alike) = (then.space().columns(), self.first.iter().all(|first| first.rows == rows));
                 let representatives = matches!(then.space(), ColumnSpace::Representatives { .. });
                 expect(
@@ -195,7 +208,8 @@ impl Product {
         let link = match &self.link {
             Link::Weights(weights) => weights.nbytes(),
             Link::Tree(tree) => size_of_val(tree.areas()),
-            Link::None | Link::Representatives => 0,
+            Link::Representatives(norms) => norms.iter().map(RowNorms::nbytes).sum(),
+            Link::None => 0,
         };
         self.first.nbytes() + link + self.then.as_ref().map_or(0, Factors::nbytes)
     }

@@ -56,6 +56,12 @@ impl ReceiverKind {
     }
 }
 
+/// `N` numbers a row, in another order of the rows.
+fn gathered<T: bytemuck::Pod, const N: usize>(items: &[T], order: &[u32]) -> Slab<T> {
+    let rows = items.as_chunks::<N>().0;
+    order.iter().flat_map(|&row| rows[row as usize]).collect::<Vec<T>>().into()
+}
+
 type Check = std::result::Result<(), String>;
 
 fn check_length(what: &str, found: usize, expected: usize) -> Check {
@@ -112,6 +118,29 @@ impl ReceiverTable {
                 check_length("area", area.len(), rows)?;
                 check_shares("area", area)
             }
+        }
+    }
+
+    /// The same points in another order: row k is what row `order[k]` was. Panics where there is no such row.
+    pub fn permuted(&self, order: &[u32]) -> ReceiverTable {
+        ReceiverTable {
+            albedo: gathered::<f32, 3>(&self.albedo, order),
+            position: gathered::<f32, 3>(&self.position, order),
+            normal: gathered::<f32, 3>(&self.normal, order),
+            material: self.material.as_ref().map(|material| gathered::<u16, 1>(material, order)),
+            kind: match &self.kind {
+                ReceiverKind::Pixels { image, pixel, weight, background } => ReceiverKind::Pixels {
+                    image: *image,
+                    pixel: gathered::<u32, 1>(pixel, order),
+                    weight: gathered::<f32, 1>(weight, order),
+                    background: background.clone(),
+                },
+                ReceiverKind::Vertices { vertex, buried } => ReceiverKind::Vertices {
+                    vertex: gathered::<u32, 1>(vertex, order),
+                    buried: gathered::<u8, 1>(buried, order),
+                },
+                ReceiverKind::Gather { area } => ReceiverKind::Gather { area: gathered::<f32, 1>(area, order) },
+            },
         }
     }
 

@@ -9,12 +9,14 @@ use rayon::prelude::*;
 use crate::basis::HaarTree;
 use crate::basis::haar::Haar;
 use crate::error::{Error, Result};
-use crate::transport::{Factors, Link, Product, TransportMatrix};
+use crate::transport::{Factors, GROUP, Link, Product, TransportMatrix};
 
 use super::change::whole;
 use super::multiplying::bound::{BandNorms, Bound};
-use super::multiplying::finish::{Mix, Node, add_nodes, at, write};
+use super::multiplying::clustered::Clustered;
+use super::multiplying::finish::{Mix, Node, add_nodes, write};
 use super::multiplying::grid::{Grid, Span, above, light_norm};
+use super::multiplying::kernel::Sums;
 use super::multiplying::merged::merged;
 use super::multiplying::product::multiply;
 use super::multiplying::response::Response;
@@ -32,6 +34,8 @@ pub struct Chain {
     pub then_span: Span,
     /// The norm of the second stage's V is at most this times that of the first's; 0 where there is one stage.
     gain: f64,
+    /// Of clustered transport, for each pair of matrices: what is known of both together. Empty where the link is another.
+    pub(super) clustered: Vec<Clustered>,
 }
 
 impl Chain {
@@ -42,7 +46,14 @@ impl Chain {
             let joins = f64::from(u8::from(then.space() == product.first.space()));
             product.first.iter().map(|matrix| gain(matrix, &product.link)).fold(0.0, f64::max) + joins
         });
-        Chain { span: span(&product.first), then_span: product.then.as_ref().map_or(Span(0), span), gain, product }
+        let clustered = match (&product.link, &product.then) {
+            (Link::Representatives(norms), Some(then)) => {
+                then.iter().zip(norms.iter()).map(|(then, norms)| Clustered::new(then, norms)).collect()
+            }
+            _ => Vec::new(),
+        };
+        let then_span = product.then.as_ref().map_or(Span(0), span);
+        Chain { span: span(&product.first), then_span, gain, clustered, product }
     }
 
     /// B for each of `lights` (columns x 3 each), one after the other into `out` (lights x rows x 3).
@@ -71,7 +82,7 @@ impl Chain {
             Some(then) => {
                 let grid = self.second_grid(&v)?;
                 let second = match &self.product.link {
-                    Link::Representatives => {
+                    Link::Representatives(_) => {
                         let pairs = first.iter().zip(then.iter()).map(|(response, matrix)| {
                             let v = grid.quantise_all(&self.second_light(response, 0, &v));
                             respond_one(matrix, &v)
@@ -103,27 +114,17 @@ impl Chain {
         light
     }
 
-    /// How far the second stage's V may be from that of the untruncated first stage, where its rows may be off by `rows`.
+    /// How far the V of the second stage, over a tree, may be from that of the untruncated first stage, where its rows may be
+    /// off by `rows`.
     pub fn unsure(&self, rows: &[[f64; 3]], light: &[[f64; 3]]) -> BandNorms {
         let then = self.product.then.as_ref().expect("there is a second stage");
-        let bands = &then.first().bands;
+        let weighted = rows.iter().zip(row_weights(&self.product.link, rows.len()));
+        let squares = weighted.fold([0.0; 3], |sums: [f64; 3], (row, weight)| {
+            std::array::from_fn(|c| sums[c] + row[c] * row[c] * weight)
+        });
+        // An orthonormal transform keeps norms, but not their place.
         let rounding = BETWEEN * light_norm(light);
-        let norm = |squares: [f64; 3]| squares.map(|square| above(square.sqrt()) + rounding);
-        let sum = |weighted: &mut dyn Iterator<Item = (&[f64; 3], f64)>| {
-            weighted.fold([0.0; 3], |sums: [f64; 3], (row, weight)| {
-                std::array::from_fn(|c| sums[c] + row[c] * row[c] * weight)
-            })
-        };
-        match &self.product.link {
-            // An orthonormal transform keeps norms, but not their place.
-            Link::Tree(tree) => {
-                let all = norm(sum(&mut rows.iter().zip(tree.areas().iter().copied())));
-                vec![all; bands.count()]
-            }
-            _ => (0..bands.count())
-                .map(|band| norm(sum(&mut rows[bands.range(band)].iter().map(|row| (row, 1.0)))))
-                .collect(),
-        }
+        vec![squares.map(|square| above(square.sqrt()) + rounding); then.first().bands.count()]
     }
 
     /// From the responses of the last stage to B: mixed, or with what nodes add.
@@ -160,19 +161,18 @@ impl Chain {
                 total(&|k, band| most[k] * first[k][band])
             }
             (_, None) => total(&|k, band| weighted(k) * first[k][band]),
+            (Link::Representatives(_), _) => {
+                let rows: Vec<Vec<f64>> = self.clustered.iter().map(Clustered::largest_rows).collect();
+                total(&|k, band| above(weighted(k) * rows[k][band]))
+            }
             (link, Some(then)) => {
                 // A row of the second stage times the norm of what the band makes of all rows of the first.
                 let rows: Vec<f64> =
                     then.iter().map(|m| largest(m).iter().map(|x| x * x).sum::<f64>().sqrt()).collect();
                 let of_band: Vec<Vec<f64>> = self.product.first.iter().map(|m| band_gains(m, link)).collect();
                 let joins = f64::from(u8::from(then.space() == self.product.first.space()));
-                match link {
-                    Link::Representatives => total(&|k, band| above(weighted(k) * rows[k] * of_band[k][band])),
-                    _ => {
-                        let rows: f64 = rows.iter().enumerate().map(|(k, row)| weighted(k) * row).sum();
-                        total(&|k, band| above(rows * (of_band[k][band] + joins)))
-                    }
-                }
+                let rows: f64 = rows.iter().enumerate().map(|(k, row)| weighted(k) * row).sum();
+                total(&|k, band| above(rows * (of_band[k][band] + joins)))
             }
         }
     }
@@ -212,8 +212,14 @@ fn respond_one(matrix: &TransportMatrix, v: &[[f64; 3]]) -> Result<Response> {
 
 /// The exact sums, row by row.
 fn sums_of_rows(matrix: &TransportMatrix, response: &Response) -> Vec<[f64; 3]> {
-    let tiles = matrix.tiles.par_iter().zip(response.tiles());
-    tiles.flat_map_iter(|(tile, sums)| (0..tile.rows).map(|row| at(sums, row))).collect()
+    // Group by group, into rows that are there.
+    let mut rows = vec![[0.0; 3]; matrix.rows];
+    rows.par_chunks_mut(matrix.tile_rows.max(1)).zip(response.tiles()).for_each(|(rows, sums)| {
+        for (rows, Sums([red, green, blue])) in rows.chunks_mut(GROUP).zip(sums) {
+            rows.iter_mut().enumerate().for_each(|(lane, row)| *row = [red[lane], green[lane], blue[lane]]);
+        }
+    });
+    rows
 }
 
 /// What each row counts for in the norm of the second stage's V.

@@ -14,7 +14,8 @@ use crate::transport::Link;
 use super::chain::{Chain, check_mix};
 use super::change::Update;
 use super::choosing::method::{Budget, Settings};
-use super::multiplying::bound::{bound_rows, finish_bounds, largest_of_all};
+use super::multiplying::bound::{Measured, bound_rows, finish_bounds, largest_of_all};
+use super::multiplying::clustered::Clustered;
 use super::multiplying::finish::Mix;
 use super::pace::Pace;
 use super::stage::{Chosen, Output, Stage};
@@ -52,6 +53,8 @@ pub struct Updater {
     first: Stage,
     /// One where all of the second stage shares a V; one for each factor where each has its own.
     second: Vec<Stage>,
+    /// Of clustered transport: for each factor and cluster what the second stage has not applied.
+    unsent: Vec<Vec<[f64; 3]>>,
     mix: Option<Mix>,
     initial: Option<Initial>,
     pace: Pace,
@@ -75,7 +78,7 @@ impl Updater {
         match (&product.then, second) {
             (None, None) => {}
             (Some(then), Some(settings)) => {
-                let separate = matches!(product.link, Link::Representatives);
+                let separate = matches!(product.link, Link::Representatives(_));
                 for factors in if separate { then.each() } else { vec![then.clone()] } {
                     stages.push(Stage::new(factors, chain.then_span, settings.clone())?);
                 }
@@ -88,6 +91,7 @@ impl Updater {
         Ok(Updater {
             first: Stage::new(product.first.clone(), chain.span, first)?,
             second: stages,
+            unsent: Vec::new(),
             mix,
             initial: Some(initial),
             pace: Pace::default(),
@@ -101,7 +105,7 @@ impl Updater {
         let started = Instant::now();
         self.check_room(out)?;
         check_mix(&self.chain.product, Some(&mix))?;
-        if self.outputs().iter().any(|output| output.measured.is_none()) {
+        if self.first.outputs().any(|output| output.measured.is_none()) {
             return Err(Error::input("expected a frame to mix anew: call step first"));
         }
         if let Budget::Error { tolerance, .. } = self.first.budget() {
@@ -155,12 +159,13 @@ impl Updater {
         let whole = self.initial.take() == Some(Initial::Full);
         let choosing = started.elapsed().as_secs_f64();
 
-        // One matrix writes its rows while their sums are at hand.
-        let alone = self.chain.product.alone().is_some() && self.mix.is_none();
-        self.first.multiply(&update, if alone { Some(&mut *out) } else { None })?;
+        // One matrix in the last stage writes its rows while their sums are at hand.
+        let alone = self.outputs().len() == 1 && self.mix.is_none();
+        let mut rows = if alone { Some(&mut *out) } else { None };
+        self.first.multiply(&update, rows.take_if(|_| self.second.is_empty()))?;
         self.first.measure(light, None);
         if !self.second.is_empty() {
-            self.follow(if whole { &Chosen::Whole } else { &Chosen::Own })?;
+            self.follow(if whole { &Chosen::Whole } else { &Chosen::Own }, rows)?;
         }
         if !alone {
             self.write(out);
@@ -189,17 +194,22 @@ impl Updater {
         Err(Error::input(format!("expected room for {rows} x 3 values, got {found}")))
     }
 
-    /// Brings the second stage after the first.
-    fn follow(&mut self, chosen: &Chosen) -> Result<()> {
+    /// Brings the second stage after the first; `out`, rows x 3, may be given where one matrix is all of it.
+    fn follow(&mut self, chosen: &Chosen, mut out: Option<&mut [f32]>) -> Result<()> {
         let grid = self.chain.second_grid(self.first.values())?;
+        self.unsent.clear();
         for (factor, stage) in self.second.iter_mut().enumerate() {
             let output = self.first.outputs().nth(factor).expect("each second stage has its first");
             let light = self.chain.second_light(output.response, factor, self.first.values());
-            let unsure = self.chain.unsure(&bound_rows(output.matrix, measured(&output)?), &light);
             stage.receive_on(grid, &light)?;
             let update = stage.choose(chosen)?;
-            stage.multiply(&update, None)?;
-            stage.measure(&light, Some(&unsure));
+            stage.multiply(&update, out.as_deref_mut())?;
+            if let Some(clustered) = self.chain.clustered.get(factor) {
+                self.unsent.push(clustered.unsent(&light, stage.values()));
+            } else {
+                let unsure = self.chain.unsure(&bound_rows(output.matrix, measured(&output)?), &light);
+                stage.measure(&light, Some(&unsure));
+            }
         }
         Ok(())
     }
@@ -229,12 +239,18 @@ impl Updater {
 
     /// The bound of all receivers in one number a colour, of the last frame.
     fn bound(&self) -> [f64; 3] {
-        largest_of_all(
-            self.outputs()
-                .iter()
-                .filter_map(|output| Some((output.bound, output.measured?)))
-                .zip(self.largest_weights()),
-        )
+        let each: Vec<[f64; 3]> = if self.chain.clustered.is_empty() {
+            self.outputs().iter().filter_map(|output| Some(output.bound.largest(output.measured?))).collect()
+        } else {
+            self.clustered().filter_map(|(clustered, of, unsent)| Some(clustered.largest(of?, unsent))).collect()
+        };
+        largest_of_all(each.into_iter().zip(self.largest_weights()))
+    }
+
+    /// Of clustered transport, for each factor: its bound, what has been measured of the light, and what is unsent.
+    fn clustered(&self) -> impl Iterator<Item = (&Clustered, Option<&Measured>, &[[f64; 3]])> {
+        let first = self.first.outputs().map(|output| output.measured);
+        self.chain.clustered.iter().zip(first).zip(&self.unsent).map(|((own, of), unsent)| (own, of, &unsent[..]))
     }
 
     /// The bound of every receiver (rows x 3) for `shown`, the picture that was written last; `number` is its step's.
@@ -244,9 +260,12 @@ impl Updater {
         if number != self.shown {
             return Err(Error::input("expected the frame that was made last: bounds of earlier ones are gone"));
         }
-        let outputs = self.outputs();
-        let of: Vec<Vec<[f64; 3]>> =
-            outputs.iter().map(|output| Ok(bound_rows(output.matrix, measured(output)?))).collect::<Result<_>>()?;
+        let of: Vec<Vec<[f64; 3]>> = if self.chain.clustered.is_empty() {
+            let outputs = self.outputs();
+            outputs.iter().map(|output| Ok(bound_rows(output.matrix, measured(output)?))).collect::<Result<_>>()?
+        } else {
+            self.clustered().filter_map(|(clustered, of, unsent)| Some(clustered.rows(of?, unsent))).collect()
+        };
         match (&self.chain.product.link, &self.mix) {
             (Link::Weights(weights), _) => finish_bounds(shown, out, |row, add| {
                 add(of[0][row], 1.0);
@@ -272,6 +291,6 @@ impl Updater {
     }
 }
 
-fn measured<'a>(output: &Output<'a>) -> Result<&'a super::multiplying::bound::Measured> {
+fn measured<'a>(output: &Output<'a>) -> Result<&'a Measured> {
     output.measured.ok_or_else(|| Error::input("a bound needs a frame: call step first"))
 }

@@ -52,7 +52,8 @@ def linked(folder: Path) -> list[Files]:
         ([stored(20, "haar:1", 6, 3), stored(5, "haar:1", 6)],
          _core.Link.weights(starts, number % 5, weights, exponent=-4, node_count=5), []),
         ([stored(6, "haar:1", 6)], _core.Link.tree(np.arange(6.0)), [stored(20, "tree:6", 8)]),
-        ([stored(6, "haar:1", 6) for _ in range(2)], _core.Link.representatives(),
+        ([stored(6, "haar:1", 6) for _ in range(2)],
+         _core.Link.representatives([(rng.random((20, 1, 1)), rng.random((20, 1, 1))) for _ in range(2)]),
          [stored(20, "representatives:2x2", 6) for _ in range(2)]),
     ]  # fmt: skip
     made = []

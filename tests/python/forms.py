@@ -171,15 +171,27 @@ def representatives(columns, rng) -> Form:
     """Five clusters with a mean and three representatives each, for two factors."""
     firsts, seconds = [dense(rng, columns.columns, 20) for _ in range(2)], [dense(rng, 20, scale=10) for _ in range(2)]
     mix = rng.normal(size=(ROWS, 2)).astype(np.float32)
-    transport = dl.Transport(
-        _core.Transport.join(
-            [stored(P, columns) for P in firsts],
-            _core.Link.representatives(),
-            [stored(W, "representatives:5x3", width="i8") for W in seconds],
-        )
-    )
     pairs = list(zip(firsts, seconds, strict=True))
+    kept = [(stored(P, columns), stored(W, "representatives:5x3", width="i8")) for P, W in pairs]
+    norms = [norms_of_both(W @ P, *each, columns.bands) for (P, W), each in zip(pairs, kept, strict=True)]
+    link = _core.Link.representatives(norms)
+    transport = dl.Transport(_core.Transport.join([first for first, _ in kept], link, [then for _, then in kept]))
     return Form(transport, lambda V: sum(mix[:, k, None] * (W @ (P @ V)) for k, (P, W) in enumerate(pairs)), mix, True)
+
+
+def norms_of_both(M: np.ndarray, first: _core.Transport, then: _core.Transport, bands: np.ndarray):
+    """Norms in every band of the rows that two stages stand for, and of what those are off M, rounded up a little."""
+    P, W = (np.concatenate([part.row(k).T for k in range(part.rows)]).astype(np.float64) for part in (first, then))
+    ones = np.stack([bands == band for band in np.unique(bands)], 1)
+    return tuple((1 + 1e-9) * np.sqrt(rows**2 @ ones)[..., None] for rows in (W @ P, M - W @ P))
+
+
+def clustered(columns, rng) -> Form:
+    """Two stages as they are built from rows, which they stand for nearly; rows are in the order of their clusters."""
+    M = dense(rng, columns.columns)
+    made = _core.Clusters(stored(M, columns), clusters=5, representatives=3, tolerance=0.01)
+    core = _core.Transport.join([made.representatives], made.link, [made.weights])
+    return Form(dl.Transport(core), lambda V: M[made.order] @ V, two_stages=True)
 
 
 def texels(columns, rng, **options) -> Form:
@@ -252,6 +264,7 @@ FORMS: dict[str, Callable[..., Form]] = {
     "nodes-under-texels": nodes_under_texels,
     "tree": tree,
     "representatives": representatives,
+    "clustered": clustered,
 }
 
 

@@ -197,8 +197,8 @@ def test_a_passing_sun_leaves_no_trace(form, name):
         # The grid stays that of the sun until the light has faded 2^16-fold: its steps are all that is left.
         wanted, rounding = form.multiply(lights[0]), form.reach(lights[0] - relighter.values)
         assert rounding < 1e-5 * max(form.reach(V) for V in lights)
-        # Where rows are short, that is nothing to be seen.
-        slack = 0.0 if rounding < 1e-5 else rounding
+        # Where rows are short, that is nothing to be seen; rows of two stages are held to what their own norms say.
+        slack = 0.0 if rounding < 1e-5 and not form.two_stages else rounding
         np.testing.assert_allclose(frame.values, wanted, rtol=1e-6, atol=1e-6 + slack)
 
 

@@ -13,6 +13,7 @@ use _core::transport::{
     TransportMatrix, Values, Weights, Width, Writer, open,
 };
 
+use crate::suite::norms_of_both;
 use crate::transport::{matrix, stored_norms};
 
 /// A directory of its own, removed at the end.
@@ -542,11 +543,12 @@ fn chains_are_read_as_they_were_written() {
     let representatives = ColumnSpace::representatives(4, 4).unwrap();
     let clustered = matrix(representatives, 40, one, 4, Width::I8);
     let samples = matrix(haar, 20, one, 5, Width::I8);
+    let norms = norms_of_both(&samples, &clustered);
     let chains: [(&str, Link, Vec<&TransportMatrix>, usize); 5] = [
         ("factors", Link::None, vec![&direct, &direct, &direct], 3),
         ("weights", Link::Weights(weights.unwrap().into()), vec![&direct, &nodes], 2),
         ("tree", Link::Tree(tree.into()), vec![&samples, &gathered, &gathered], 1),
-        ("representatives", Link::Representatives, vec![&samples, &clustered], 1),
+        ("representatives", Link::Representatives([norms.clone()].into()), vec![&samples, &clustered], 1),
         ("alone", Link::None, vec![&direct], 1),
     ];
     let kinds = [
@@ -581,7 +583,8 @@ fn chains_are_read_as_they_were_written() {
         match (&product.link, &about.link) {
             (Link::Weights(read), Link::Weights(written)) => assert_eq!(read.arrays(), written.arrays()),
             (Link::Tree(read), Link::Tree(written)) => assert_eq!(read, written),
-            (Link::None, Link::None) | (Link::Representatives, Link::Representatives) => {}
+            (Link::Representatives(read), Link::Representatives(_)) => assert_eq!(read[0].arrays(), norms.arrays()),
+            (Link::None, Link::None) => {}
             _ => panic!("{name}: another link"),
         }
         assert_eq!(manifest.receivers.kind, table.kind.name());

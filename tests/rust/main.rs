@@ -5,6 +5,7 @@ mod vertices;
 mod basis;
 mod bounces;
 mod brdf;
+mod clustered;
 mod file;
 mod harmonics;
 mod light;

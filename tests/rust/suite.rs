@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use _core::basis::{ColumnSpace, HaarTree};
-use _core::transport::{Channels, Dense, Factors, Link, Product, TransportMatrix, Weights, Width};
+use _core::transport::{Channels, Dense, Factors, Link, Product, RowNorms, TransportMatrix, Weights, Width, bf16_up};
 use _core::update::{Budget, Chain, Colours, Initial, Mix, Settings, Updater};
 
 use crate::transport::{matrix, noise, random_dense, rule};
@@ -123,12 +123,29 @@ const FORMS: &[(&str, Make)] = &[
         };
         let (firsts, seconds) = (each(space, clusters.columns(), 15..17), each(clusters, ROWS, 17..19));
         let pairs: Vec<_> = firsts.iter().zip(&seconds).map(|(first, then)| (dense(first), dense(then))).collect();
-        let product =
-            Product::new(Factors::new(firsts).unwrap(), Link::Representatives, Some(Factors::new(seconds).unwrap()))
-                .unwrap();
+        let norms: Vec<_> = firsts.iter().zip(&seconds).map(|(first, then)| norms_of_both(first, then)).collect();
+        let (firsts, seconds) = (Factors::new(firsts).unwrap(), Factors::new(seconds).unwrap());
+        let product = Product::new(firsts, Link::Representatives(norms.into()), Some(seconds)).unwrap();
         mixed(product, move |light| pairs.iter().map(|(first, then)| then(&first(light))).collect())
     }),
 ];
+
+/// Norms of the rows that two stages stand for, of which nothing is off.
+pub fn norms_of_both(first: &TransportMatrix, then: &TransportMatrix) -> RowNorms {
+    let (firsts, thens) = (Dense::of(first), Dense::of(then));
+    let (bands, count) = (&first.bands, first.bands.count());
+    let mut kept = Vec::new();
+    for row in 0..then.rows {
+        let mut both = vec![0.0; firsts.columns];
+        for (k, weight) in thens.row(row).iter().enumerate() {
+            both.iter_mut().zip(firsts.row(k)).for_each(|(sum, value)| *sum += weight * value);
+        }
+        let norm = |band: usize| both[bands.range(band)].iter().map(|x| x * x).sum::<f64>().sqrt();
+        kept.extend((0..count).map(|band| bf16_up((1.0 + 1e-9) * norm(band))));
+    }
+    let dropped = vec![0u16; kept.len()];
+    RowNorms::new(count, Channels::One, kept.into(), dropped.into()).unwrap()
+}
 
 /// Wavelets and texels: what rows see is random, a third of them see all or nothing of a block, and one has no normal.
 fn texels(threshold: f64) -> Form {
@@ -337,7 +354,16 @@ fn products_that_do_not_fit_together_are_refused() {
     assert!(alike(first.clone(), Link::Tree(Arc::clone(&tree)), None).is_err());
     assert!(alike(first.clone(), Link::None, then.clone()).is_err());
     assert!(alike(factors(vec![of(space, 21, 1)]), Link::Tree(Arc::clone(&tree)), then.clone()).is_err());
-    assert!(alike(first.clone(), Link::Representatives, then).is_err());
+    let norms =
+        |first: &TransportMatrix, then: &TransportMatrix| Link::Representatives([norms_of_both(first, then)].into());
+    let representatives = of(ColumnSpace::representatives(5, 3).unwrap(), 40, 3);
+    let whole = norms(first.first(), &representatives);
+    let second = Some(factors(vec![Arc::clone(&representatives)]));
+    assert!(alike(first.clone(), whole.clone(), second.clone()).is_ok());
+    assert!(alike(first.clone(), whole, then).is_err());
+    assert!(alike(first.clone(), Link::Representatives([].into()), second.clone()).is_err());
+    let short = of(ColumnSpace::representatives(5, 3).unwrap(), 39, 3);
+    assert!(alike(first.clone(), norms(first.first(), &short), second).is_err());
     assert!(alike(factors(vec![of(space, 20, 1), of(space, 21, 1)]), Link::None, None).is_err());
     let both = factors(vec![of(space, 40, 1), of(space, 20, 1)]);
     assert!(alike(both.clone(), Link::Weights(weights(40, 20)), None).is_ok());

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 __all__ = ["AnyColumns", "Inner", "parse_any"]
 
-_KINDS = {"tree": "Samples under a wavelet", "representatives": "Number of a representative"}
+_KINDS = {"tree": "Samples under a wavelet", "representatives": "Means and representatives"}
 
 
 @dataclass(frozen=True)
@@ -63,10 +63,11 @@ class Inner:
 
     @property
     def band_names(self) -> tuple[str, ...]:
-        """Each band by the samples under its wavelets, or by the number of its representative (0 is the mean)."""
-        tree = self.name.startswith("tree")
-        first = np.searchsorted(self.bands, np.arange(int(self.bands[-1]) + 1))
-        return tuple(f"{self.areas[k]:,.0f}" if tree else str(band) for band, k in enumerate(first))
+        """Each band by the samples under its wavelets; or the means of clusters, and their representatives."""
+        count = int(self.bands[-1]) + 1
+        if not self.name.startswith("tree"):
+            return ("means", "representatives")[:count]
+        return tuple(f"{self.areas[k]:,.0f}" for k in np.searchsorted(self.bands, np.arange(count)))
 
     @property
     def band_label(self) -> str:

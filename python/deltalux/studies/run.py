@@ -95,6 +95,8 @@ def _check_seen(name: str, transports: Sequence[Transport], scenes: Sequence[Sce
         raise ValueError(f"the study {name!r} looks at transports: expected one of {scenes[0].name}, got the scene")
     if chosen.needs_texels:
         _check_texels(name, transports)
+    if chosen.refuses_texels and any(found.texel_bytes for found in transports):
+        raise ValueError(f"the study {name!r} looks at wavelets alone: expected a transport in columns like haar:64")
 
 
 def _builtin(name: str) -> Scene:

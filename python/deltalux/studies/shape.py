@@ -25,6 +25,8 @@ class Study:
     needs_scene: bool = False
     needs_texels: bool = False
     """Whether transports need texel columns, and rows that are kept untruncated."""
+    refuses_texels: bool = False
+    """Whether transports must have no texel columns."""
     takes_methods: bool = False
     """Whether methods of one's own can take part."""
     traces: str | None = None

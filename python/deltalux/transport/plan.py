@@ -54,7 +54,7 @@ class Part:
     name
         What its files are called by.
     make
-        The pass: "direct", or "nodes" for light between surfaces.
+        The pass: "direct", "nodes" for light between surfaces; "representatives" and "weights" of clustered transport.
     rows, columns, column_count, bands
         Its shape, and what its columns are.
     channels
@@ -83,7 +83,7 @@ class Part:
 
     def __str__(self) -> str:
         channels = "1 channel" if self.channels == 1 else f"{self.channels} channels"
-        rows = "receivers" if self.make == "direct" else self.make
+        rows = "receivers" if self.make in ("direct", "weights") else self.make
         bounces = "all" if self.bounces < 0 else self.bounces
         return (
             f"{self.name}: {self.rows:,} {rows} x {self.column_count:,} columns ({self.columns}), "
@@ -194,8 +194,8 @@ class Plan:
 
     @property
     def rows(self) -> int:
-        """Receivers: the rows of the first part."""
-        return self.parts[0].rows
+        """Receivers: the rows of the first part, or of its weights where that is clustered."""
+        return next((part.rows for part in self.parts if part.make == "weights"), self.parts[0].rows)
 
     @property
     def costs(self) -> list[Cost]:

@@ -4,11 +4,13 @@ use std::sync::Arc;
 
 use crate::basis::HaarTree;
 use crate::error::{Error, Result};
+use crate::transport::entry::Channels;
 use crate::transport::matrix::TransportMatrix;
 use crate::transport::product::{Factors, Link, Product};
+use crate::transport::row_norms::RowNorms;
 use crate::transport::weights::Weights;
 
-use super::manifest::{ChainEntry, Manifest};
+use super::manifest::{ChainEntry, Manifest, PartEntry};
 use super::shard::{Shard, Tensor};
 
 /// Puts a file's parts together.
@@ -21,7 +23,7 @@ pub(super) fn product(
     let link = match (manifest.chain.link.as_str(), file) {
         ("weights", Some(file)) => Link::Weights(Arc::new(read_weights(file, manifest, &matrices)?)),
         ("tree", Some(file)) => Link::Tree(Arc::new(read_tree(file, &matrices)?)),
-        ("representatives", _) => Link::Representatives,
+        ("representatives", Some(file)) => Link::Representatives(read_norms(file, manifest)?.into()),
         _ => Link::None,
     };
     let then = if then.is_empty() { None } else { Some(Factors::new(then)?) };
@@ -44,6 +46,27 @@ fn read_tree(file: &Shard, matrices: &[Arc<TransportMatrix>]) -> Result<HaarTree
     HaarTree::new(areas.to_vec()).map_err(|error| file.error(error.to_string()))
 }
 
+/// Norms of the rows of every pair of stages.
+fn read_norms(file: &Shard, manifest: &Manifest) -> Result<Vec<RowNorms>> {
+    let (first, then) = manifest.parts.split_at(manifest.chain.first.len());
+    file.expect_count(2 * then.len())?;
+    let read = |(number, (first, then)): (usize, (&PartEntry, &PartEntry))| {
+        let bands = first.space()?.bands().count();
+        let channels = Channels::from_count(first.channels.max(then.channels))?;
+        let array = |name: &str| file.slab(&format!("{number}.{name}"), &shape_of(then.rows, bands, channels));
+        RowNorms::new(bands, channels, array("kept")?, array("dropped")?).map_err(|error| file.error(error.to_string()))
+    };
+    first.iter().zip(then).enumerate().map(read).collect()
+}
+
+/// Arrays of one channel have no axis for it.
+fn shape_of(rows: usize, bands: usize, channels: Channels) -> Vec<usize> {
+    match channels {
+        Channels::One => vec![rows, bands],
+        Channels::Three => vec![rows, bands, 3],
+    }
+}
+
 /// The chain of parts with these names, of which so many are the first stage.
 pub(super) fn entry(names: &[String], first: usize, link: &Link) -> ChainEntry {
     let (first, then) = names.split_at(first.min(names.len()));
@@ -51,7 +74,7 @@ pub(super) fn entry(names: &[String], first: usize, link: &Link) -> ChainEntry {
         Link::None => ("none", None),
         Link::Weights(weights) => ("weights", Some(weights.exponent())),
         Link::Tree(_) => ("tree", None),
-        Link::Representatives => ("representatives", None),
+        Link::Representatives(_) => ("representatives", None),
     };
     ChainEntry { first: first.to_vec(), link: link.to_owned(), exponent, then: then.to_vec() }
 }
@@ -68,6 +91,15 @@ pub(super) fn tensors(link: &Link) -> Option<Vec<Tensor<'_>>> {
             ])
         }
         Link::Tree(tree) => Some(vec![Tensor::new("areas", &[tree.areas().len()], tree.areas())]),
-        Link::None | Link::Representatives => None,
+        Link::Representatives(norms) => {
+            let arrays = norms.iter().enumerate().flat_map(|(number, norms)| {
+                let ((bands, channels), (kept, dropped)) = (norms.shape(), norms.arrays());
+                let shape = shape_of(norms.rows(), bands, channels);
+                let array = move |name: &str, items| Tensor::new(format!("{number}.{name}"), &shape, items);
+                [array("kept", kept), array("dropped", dropped)]
+            });
+            Some(arrays.collect())
+        }
+        Link::None => None,
     }
 }

@@ -286,7 +286,7 @@ impl Manifest {
 
     /// Whether the chain's link has numbers of its own.
     pub fn has_link_file(&self) -> bool {
-        matches!(self.chain.link.as_str(), "weights" | "tree")
+        self.chain.link != "none"
     }
 
     /// The files of a part, and of the receivers, the link and the audit.

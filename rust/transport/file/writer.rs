@@ -87,14 +87,8 @@ impl Writer {
     ///
     /// Refuses, before anything is written, a target that exists and is not a transport.
     pub fn open(path: &Path, job: &str) -> Result<Writer> {
-        let target = std::path::absolute(path).map_err(|source| Error::os(path, source))?;
-        // A link to a transport stays: what it points at is replaced.
-        let target = fs::canonicalize(&target).unwrap_or(target);
-        check_replaceable(&target)?;
-
+        let (target, partial) = Self::check(path)?;
         // Only one run at a time: the lock goes with the process, however it ends.
-        let partial = sibling(&target, ".partial")?;
-        check_partial(&partial)?;
         fs::create_dir_all(&partial).map_err(|source| Error::os(&partial, source))?;
         let lock = lock(&partial)?;
         recover(&target)?;
@@ -107,6 +101,17 @@ impl Writer {
         }
         let shards = finished_shards(&partial)?;
         Ok(Writer { target, partial, _lock: lock, shards })
+    }
+
+    /// What `open` would refuse, found without writing anything; the directories of the result and of the run.
+    pub fn check(path: &Path) -> Result<(PathBuf, PathBuf)> {
+        let target = std::path::absolute(path).map_err(|source| Error::os(path, source))?;
+        // A link to a transport stays: what it points at is replaced.
+        let target = fs::canonicalize(&target).unwrap_or(target);
+        check_replaceable(&target)?;
+        let partial = sibling(&target, ".partial")?;
+        check_partial(&partial)?;
+        Ok((target, partial))
     }
 
     /// Numbers of the shards of a part that are there and intact, ascending.

@@ -26,8 +26,8 @@ use super::grid::{above, norm_of_squares, squares};
 pub type BandNorms = Vec<[f64; 3]>;
 
 /// Half a unit in the last place of an f32, relative; and of the smallest, absolute.
-const ROUNDING: f64 = 1.0 / (1u64 << 24) as f64;
-const SMALLEST: f64 = f32::MIN_POSITIVE as f64 * ROUNDING;
+pub(super) const ROUNDING: f64 = 1.0 / (1u64 << 24) as f64;
+pub(super) const SMALLEST: f64 = f32::MIN_POSITIVE as f64 * ROUNDING;
 
 /// What a bound needs to know of the light and of what has been applied of it.
 pub struct Measured {
@@ -106,10 +106,9 @@ impl Bound {
     }
 }
 
-/// The one number for several matrices whose responses are added with weights up to those given.
-pub fn largest_of_all<'a>(all: impl Iterator<Item = ((&'a Bound, &'a Measured), f64)>) -> [f64; 3] {
-    all.fold([0.0; 3], |sum, ((bound, measured), weight)| {
-        let largest = bound.largest(measured);
+/// The one number for several responses, each with its own, that are added with weights up to those given.
+pub fn largest_of_all(all: impl Iterator<Item = ([f64; 3], f64)>) -> [f64; 3] {
+    all.fold([0.0; 3], |sum, (largest, weight)| {
         std::array::from_fn(|c| if weight == 1.0 { sum[c] + largest[c] } else { above(sum[c] + weight * largest[c]) })
     })
 }

@@ -133,7 +133,7 @@ fn add_to_tile_any(first: usize, sums: &[Sums], weights: &Weights, values: &[[f6
 }
 
 /// The sums of one row of a tile.
-pub(in crate::update) fn at(groups: &[Sums], row: usize) -> [f64; 3] {
+fn at(groups: &[Sums], row: usize) -> [f64; 3] {
     groups[row / GROUP].0.map(|lanes: [f64; GROUP]| lanes[row % GROUP])
 }
 

@@ -1,6 +1,7 @@
 //! Multiplying: it sees M and what changes of V; it does not ask why.
 
 pub mod bound;
+pub(in crate::update) mod clustered;
 pub mod finish;
 pub mod grid;
 pub mod kernel;

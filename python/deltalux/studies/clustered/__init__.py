@@ -1,0 +1,1 @@
+"""Transport in two steps, beside transport in one."""
