@@ -10,6 +10,7 @@
 //! facets.rs     models that follow the half vector, and how they are sampled
 //! fresnel.rs slopes.rs power.rs      parts of models: Fresnel; facets by their slopes (Beckmann), by powers of cosines
 //! lambert.rs mirror.rs blinn_phong.rs ward.rs cook_torrance.rs microfacet.rs ashikhmin_shirley.rs      the models
+//! factor.rs     of a lobe that is seen from anywhere, what depends on the light
 //! measured/     tables of measured materials, in three colours
 //! ```
 //!
@@ -21,6 +22,7 @@ pub mod blinn_phong;
 pub mod cook_torrance;
 mod direction;
 mod facets;
+pub mod factor;
 pub mod fresnel;
 pub mod lambert;
 mod lobe;
@@ -38,6 +40,7 @@ pub use ashikhmin_shirley::AshikhminShirley;
 pub use blinn_phong::BlinnPhong;
 pub use cook_torrance::CookTorrance;
 pub use direction::Direction;
+pub use factor::Factor;
 pub use fresnel::Fresnel;
 pub use lambert::Lambert;
 pub use measured::Measured;

@@ -12,7 +12,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
 
 use crate::basis::cubemap::{direction_to_face_uv, face_point, texel_of};
-use crate::brdf::Brdf;
+use crate::brdf::{Brdf, Factor};
 use crate::error::{Error, Result};
 use crate::sampling::{frame, jitter, mixed};
 use crate::scene::surface::dot;
@@ -29,10 +29,19 @@ const MOST_PARTS: usize = 32;
 const NARROW: f64 = 0.1;
 const SAMPLES: usize = 32;
 
+/// What rows take of the light.
+#[derive(Clone, Debug)]
+pub enum Shape {
+    /// The lobe of a material, seen by one eye.
+    Seen(Arc<dyn Brdf>),
+    /// A factor of it, whoever sees it.
+    Factor(Arc<Factor>),
+}
+
 /// The lobes of a list of rows.
 #[derive(Clone, Debug, Default)]
 pub struct Lobes {
-    models: Vec<Arc<dyn Brdf>>,
+    models: Vec<Shape>,
     /// Of each row the number of its model; `DIFFUSE` of those that take cosines. Empty where all do.
     of_row: Vec<u16>,
     /// Unit vectors to the eye.
@@ -44,19 +53,19 @@ pub const DIFFUSE: u16 = u16::MAX;
 
 /// A lobe where it stands.
 pub struct Lobe<'a> {
-    model: &'a dyn Brdf,
+    shape: &'a Shape,
     /// Tangent, bitangent, normal.
     frame: [[f64; 3]; 3],
     /// To the eye, in that frame.
     wo: [f64; 3],
-    /// Where it points to, in space.
-    axis: [f64; 3],
+    /// Where it points to, in space; None where it is as fine everywhere.
+    axis: Option<[f64; 3]>,
     half_width: f64,
 }
 
 impl Lobes {
     /// Refuses rows that name no model, and eyes that do not belong to them.
-    pub fn new(models: Vec<Arc<dyn Brdf>>, of_row: Vec<u16>, eyes: Vec<[f32; 3]>) -> Result<Self> {
+    pub fn new(models: Vec<Shape>, of_row: Vec<u16>, eyes: Vec<[f32; 3]>) -> Result<Self> {
         if of_row.len() != eyes.len() || of_row.iter().any(|&own| own != DIFFUSE && usize::from(own) >= models.len()) {
             let (rows, eyes, count) = (of_row.len(), eyes.len(), models.len());
             return Err(Error::input(format!("expected an eye and one of {count} models a row, got {rows}, {eyes}")));
@@ -77,9 +86,12 @@ impl Lobes {
         let frame = [tangent, bitangent, normal];
         let eye = self.eyes[row].map(f64::from);
         let wo = frame.map(|axis| dot(axis, eye));
-        let model = self.models[usize::from(own)].as_ref();
-        let axis = world(&frame, model.axis(wo));
-        Some(Lobe { model, frame, wo, axis, half_width: model.half_width(wo) })
+        let shape = &self.models[usize::from(own)];
+        let (axis, half_width) = match shape {
+            Shape::Seen(model) => (Some(world(&frame, model.axis(wo))), model.half_width(wo)),
+            Shape::Factor(factor) => (None, FINE * factor.width()),
+        };
+        Some(Lobe { shape, frame, wo, axis, half_width })
     }
 }
 
@@ -92,7 +104,11 @@ impl Lobe<'_> {
     /// f cos for a unit direction of space.
     fn value(&self, direction: [f64; 3]) -> f64 {
         let wi = self.frame.map(|axis| dot(axis, direction));
-        if wi[2] > 0.0 { self.model.evaluate(wi, self.wo) * wi[2] } else { 0.0 }
+        match self.shape {
+            Shape::Seen(model) if wi[2] > 0.0 => model.evaluate(wi, self.wo) * wi[2],
+            Shape::Seen(_) => 0.0,
+            Shape::Factor(factor) => factor.value(wi),
+        }
     }
 
     /// Radians from its axis to where it has fallen to a half.
@@ -100,28 +116,34 @@ impl Lobe<'_> {
         self.half_width
     }
 
-    /// `side` x `side` stratified directions of space and what each stands for, in whole lobes: f cos / pdf / `side`^2.
+    /// `side` x `side` stratified directions of space and what each stands for, in whole lobes: f cos / pdf / `side`^2. None
+    /// of a factor, which may be negative.
     pub fn samples(&self, side: usize, seed: u64) -> impl Iterator<Item = ([f64; 3], f64)> {
         let count = (side * side) as f64;
+        let model = match self.shape {
+            Shape::Seen(model) => Some(model),
+            Shape::Factor(_) => None,
+        };
         (0..side * side).filter_map(move |k| {
+            let model = model?;
             let [x, y] = jitter(mixed(seed) ^ k as u64);
             let at = [((k % side) as f64 + x) / side as f64, ((k / side) as f64 + y) / side as f64];
-            let (wi, pdf) = self.model.sample(self.wo, at)?;
-            let weight = self.model.evaluate(wi, self.wo) * wi[2] / pdf / count;
+            let (wi, pdf) = model.sample(self.wo, at)?;
+            let weight = model.evaluate(wi, self.wo) * wi[2] / pdf / count;
             Some((world(&self.frame, wi), weight))
         })
     }
 
     /// Whether texels of faces of this size are too wide to be divided.
     pub(super) fn is_narrow(&self, size: usize) -> bool {
-        self.half_width < NARROW * width(size)
+        self.axis.is_some() && self.half_width < NARROW * width(size)
     }
 
     /// pi times the mean of f cos over a texel, which a pass multiplies by sqrt(dw) / pi: as of a diffuse row cos.
     pub(super) fn mean(&self, texels: &Texels, texel: usize) -> f32 {
         let size = texels.size;
         let centre = texels.centre[texel].map(f64::from);
-        let off = dot(centre, self.axis).clamp(-1.0, 1.0).acos() - width(size);
+        let off = self.axis.map_or(0.0, |axis| dot(centre, axis).clamp(-1.0, 1.0).acos() - width(size));
         let fine = self.half_width.max(OFF_AXIS * off);
         let parts = (FINE * width(size) / fine).ceil().max(1.0);
         if parts <= 1.0 {

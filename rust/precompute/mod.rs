@@ -15,6 +15,6 @@ mod visibility;
 pub use bounces::{Bounces, Interreflection, Share};
 pub use direct::DirectPass;
 pub use links::{FormFactors, Gathering, Links, form_factors, links};
-pub use lobes::{DIFFUSE, Lobes};
+pub use lobes::{DIFFUSE, Lobes, Shape as LobeShape};
 pub use node_pass::NodePass;
 pub use pass::{Made, Pass, Probed, Rays, Shape, Surveyed, probe, survey, tile};

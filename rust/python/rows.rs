@@ -2,14 +2,14 @@
 
 use std::sync::Arc;
 
-use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
-use crate::brdf::Brdf;
+use crate::brdf::Factor;
 use crate::brdf::measured::Colour;
 use crate::error::{Error, Result};
-use crate::precompute::{DIFFUSE, Lobes};
+use crate::precompute::{DIFFUSE, LobeShape, Lobes};
 use crate::scene::{self as core, Mesh, Points, Vertices};
 use crate::transport::{ReceiverKind, ReceiverTable as Table};
 
@@ -56,6 +56,8 @@ pub(super) struct Receivers {
     lobes: Arc<Lobes>,
     /// Of each row the place of its lobe in its material's list; -1 of diffuse ones.
     lobe: Vec<i32>,
+    /// Of each row the diffuse row of the same vertex, or itself.
+    base: Vec<u32>,
     rays: u64,
     kind: Kind,
 }
@@ -83,6 +85,7 @@ impl Receivers {
             back: back.collect(),
             lobes: Arc::default(),
             lobe: vec![-1; triangle.len()],
+            base: (0..triangle.len() as u32).collect(),
             position: points.origin.iter().map(|origin| mesh.world(origin.map(f64::from))).collect(),
             triangle: triangle.into_iter().map(|triangle| mesh.source[triangle as usize]).collect(),
             barycentric,
@@ -102,6 +105,7 @@ impl Receivers {
             back: rows.places.iter().map(|at| mesh.is_back(at.triangle, at.normal.map(|n| n as f32))).collect(),
             lobes: Arc::default(),
             lobe: vec![-1; rows.len()],
+            base: (0..rows.len() as u32).collect(),
             rays: 0,
             kind: Kind::Vertices(rows),
         }
@@ -163,11 +167,13 @@ impl Receivers {
             let rows = self.points.len();
             return Err(Error::input(format!("expected a material below {known} for each of {rows} rows")).into());
         }
-        let mut models: Vec<Arc<dyn Brdf>> = Vec::new();
+        let mut models: Vec<LobeShape> = Vec::new();
         let mut number = |lobe: &OneLobe<'_>| {
             models.push(match lobe {
-                OneLobe::Model(model) => Arc::clone(&model.get().model),
-                OneLobe::Measured(table, channel) => Arc::new(Colour::new(Arc::clone(&table.get().table), *channel)?),
+                OneLobe::Model(model) => LobeShape::Seen(Arc::clone(&model.get().model)),
+                OneLobe::Measured(table, channel) => {
+                    LobeShape::Seen(Arc::new(Colour::new(Arc::clone(&table.get().table), *channel)?))
+                }
             });
             Ok(models.len() as u16 - 1)
         };
@@ -196,6 +202,7 @@ impl Receivers {
             back: all.iter().map(|&(row, _)| self.back[row]).collect(),
             lobes: Arc::new(Lobes::new(models, of_row, eyes)?),
             lobe: all.iter().map(|(_, lobe)| lobe.map_or(-1, |(place, _)| place as i32)).collect(),
+            base: (0..all.len() as u32).collect(),
             points: Arc::new(points),
             rays: self.rays,
             kind: Kind::Pixels {
@@ -204,6 +211,65 @@ impl Receivers {
                 weight: all.iter().map(|&(row, _)| weight[row]).collect(),
                 background: background.clone(),
             },
+        })
+    }
+
+    /// Of each row the row of the same vertex that is diffuse, or itself, (rows,) uint32.
+    #[getter]
+    fn base(&self, py: Python<'_>) -> Py<PyArray1<u32>> {
+        PyArray1::from_slice(py, &self.base).unbind()
+    }
+
+    /// The rows of vertices with the factors of their materials behind them: factor after factor, the vertices of a material
+    /// in their order. material: (rows,) uint32; factors: for each material tables of float32, (factors, rings, columns).
+    fn factored(
+        &self,
+        material: PyReadonlyArray1<'_, u32>,
+        factors: Vec<PyReadonlyArray3<'_, f32>>,
+    ) -> PyResult<Receivers> {
+        let rows = self.vertices()?;
+        let material = to_vec(&material);
+        if material.len() != rows.len() || material.iter().any(|&own| own as usize >= factors.len()) {
+            let (known, rows) = (factors.len(), rows.len());
+            return Err(Error::input(format!("expected a material below {known} for each of {rows} rows")).into());
+        }
+        let mut models: Vec<LobeShape> = Vec::new();
+        let mut all: Vec<(usize, i32, u16)> = (0..rows.len()).map(|row| (row, -1, DIFFUSE)).collect();
+        for (number, tables) in factors.iter().enumerate() {
+            let [count, rings, columns] = tables.as_array().shape().try_into().unwrap_or([0; 3]);
+            for (place, table) in tables.as_array().outer_iter().enumerate().take(count) {
+                let table = Factor::new(rings, columns, table.iter().copied().collect())?;
+                let model = models.len() as u16;
+                models.push(LobeShape::Factor(Arc::new(table)));
+                let own = (0..rows.len()).filter(|&row| material[row] as usize == number);
+                all.extend(own.map(|row| (row, place as i32, model)));
+            }
+        }
+        let points = Arc::new(self.points.some(all.iter().map(|&(row, ..)| row)));
+        let of_row = all.iter().map(|&(_, _, model)| model).collect();
+        let eyes = vec![[0.0, 0.0, 1.0]; all.len()];
+        fn picked<T: Copy>(all: &[(usize, i32, u16)], items: &[T]) -> Vec<T> {
+            all.iter().map(|&(row, ..)| items[row]).collect()
+        }
+        Ok(Receivers {
+            position: picked(&all, &self.position),
+            triangle: picked(&all, &self.triangle),
+            barycentric: picked(&all, &self.barycentric),
+            back: picked(&all, &self.back),
+            lobes: Arc::new(Lobes::new(models, of_row, eyes)?),
+            lobe: all.iter().map(|&(_, place, _)| place).collect(),
+            base: all.iter().map(|&(row, ..)| row as u32).collect(),
+            rays: self.rays,
+            kind: Kind::Vertices(Vertices {
+                points: Arc::clone(&points),
+                places: picked(&all, &rows.places),
+                vertex: picked(&all, &rows.vertex),
+                buried: picked(&all, &rows.buried),
+                shown: rows.shown.clone(),
+                corners: rows.corners.clone(),
+                open: rows.open.clone(),
+            }),
+            points,
         })
     }
 

@@ -14,6 +14,8 @@ use crate::sampling::{cosine_directions, mixed};
 const ASKED: usize = 3;
 /// A ray that crosses more surfaces than this is at an end.
 const MOST_CROSSINGS: usize = 256;
+/// Corners that f32 would hardly tell apart at the edge of the scene are one: the poles of a sphere are not always.
+const PLACES: f32 = (1 << 22) as f32;
 /// Triangles that are asked together.
 const CHUNK: usize = 256;
 
@@ -32,10 +34,9 @@ pub struct Pieces {
 impl Pieces {
     /// Finds them.
     pub fn new(mesh: &Mesh) -> Self {
-        let mut numbers: HashMap<[u32; 3], u32> = HashMap::new();
+        let mut numbers: HashMap<[i32; 3], u32> = HashMap::new();
         let mut number = |corner: &[f32; 3]| {
-            // Zero and minus zero are one place.
-            let key = corner.map(|x| (x + 0.0).to_bits());
+            let key = corner.map(|x| (x * PLACES).round() as i32);
             let next = numbers.len() as u32;
             *numbers.entry(key).or_insert(next)
         };

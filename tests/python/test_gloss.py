@@ -9,6 +9,8 @@ import deltalux as dl
 import numpy as np
 import pytest
 from deltalux import brdf
+from deltalux.precomputation.factoring import MOST, factored
+from deltalux.transport.gloss import Gloss
 
 MODELS = {
     "Lambert": brdf.Lambert(),
@@ -116,8 +118,6 @@ def test_what_a_scene_does_not_need_is_left_out(tmp_path):
     V = off.coefficients(dl.Environment.builtin("sky"))
     assert "rows of glossy lobes" in str(off.plan) and len(off.receivers) == 144
     np.testing.assert_array_equal(off.multiply(V), plain.multiply(V))
-    seen = made(tmp_path / "v.transport", scene, receivers="vertices")
-    assert "vertices are seen from anywhere" in str(seen.plan)
 
 
 def test_other_views_of_glossy_scenes(tmp_path):
@@ -195,3 +195,94 @@ def test_scenes_take_materials():
             dl.Scene.from_arrays(square, triangles, **options)
     with pytest.raises(ValueError, match="a material from 0 to 1"):
         scene.with_material(2, a)
+
+
+# --- seen from anywhere -----------------------------------------------------------------------------------------------
+
+
+def quad(model, cells: int = 6) -> dl.Scene:
+    """A square in the plane y = 0 of some cells, seen obliquely."""
+    at = np.linspace(-1, 1, cells + 1)
+    x, z = np.meshgrid(at, at)
+    vertices = np.stack([x, np.zeros_like(x), z], -1).reshape(-1, 3)
+    k = np.arange((cells + 1) ** 2).reshape(cells + 1, cells + 1)
+    a, b, c, d = (part.ravel() for part in (k[:-1, :-1], k[:-1, 1:], k[1:, :-1], k[1:, 1:]))
+    triangles = np.concatenate([np.stack([a, c, d], -1), np.stack([a, d, b], -1)])
+    camera = dl.Camera((0.3, 2, 1.2), (0, 0, 0), vertical_fov=40, width=16, height=16)
+    return dl.Scene.from_arrays(vertices, triangles, camera=camera, materials=[dl.Material(0.2, 0.7, model)])
+
+
+@pytest.mark.parametrize("model", [brdf.Phong(20), brdf.GGX(0.4), brdf.Ward(0.3, 0.5)], ids=repr)
+def test_factors_are_the_lobe_as_far_as_they_say(model):
+    """Against the lobe itself, at random pairs: the rest, under the light prior, is what `left` says; all is all."""
+    many = factored(model, 600)
+    assert (np.diff(many.left) <= 1e-12).all() and many.left[0] == 1
+    auto = factored(model, "auto")
+    assert auto.left[auto.count] <= 0.10 < auto.left[auto.count - 1] and auto.count <= MOST
+    rings, columns = many.eye.shape[1:]
+    edges = np.linspace(0, np.pi / 2, rings + 1)
+    solid = np.repeat((np.cos(edges[:-1]) - np.cos(edges[1:])) * 2 * np.pi / columns, columns)
+    h = auto.eye.reshape(auto.count, -1).astype(np.float64)
+    np.testing.assert_allclose(h * solid @ h.T, np.eye(auto.count), atol=1e-6)
+    theta = np.repeat(0.5 * (edges[:-1] + edges[1:]), columns)
+    phi = np.tile(2 * np.pi * (np.arange(columns) + 0.5) / columns, rings)
+    at = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], -1)
+    some = np.random.default_rng(1).integers(0, len(at), (2, 300))
+    exact = model.evaluate(at[some[0]], at[some[1]]) * at[some[0], 2]
+    g, eye = (table.reshape(many.count, -1)[:, own] for table, own in zip((many.light, many.eye), some, strict=True))
+    assert np.linalg.norm((g * eye).sum(axis=0) - exact) < max(0.02, 2 * many.left[many.count]) * np.linalg.norm(exact)
+
+
+def test_vertices_are_seen_by_factors(tmp_path):
+    """Of a wide lobe, whose factors leave next to nothing: the picture of pixels, from any side."""
+    scene = quad(brdf.GGX(0.5))
+    transport = made(tmp_path / "v.transport", scene, receivers="vertices", factors=40, columns="haar:16")
+    assert transport.factors == 40 and len(transport.receivers) == 2 * 49 * 41
+    env = dl.Environment.builtin("hall")
+    V = transport.coefficients(env)
+    B = transport.multiply(V)
+    for position in ((0.3, 2, 1.2), (-1.5, 1, 0.2), (0.2, -2, 0.3)):
+        camera = replace(scene.camera, position=position)
+        pixels = made(tmp_path / "p.transport", scene.with_camera(camera), columns="haar:16")
+        theirs, ours = pixels.image(pixels.multiply(V)), transport.render(camera, B)
+        assert np.linalg.norm(ours - theirs) < 0.04 * np.linalg.norm(theirs)
+        diffuse = transport.render(camera, np.where(np.arange(len(B))[:, None] < 98, B, 0))
+        assert np.linalg.norm(diffuse - theirs) > 0.2 * np.linalg.norm(theirs)
+
+
+def test_a_view_alone_changes_no_response(tmp_path):
+    """Fig. 7.2, third column: the light stands still, the camera moves; nothing of M is sent, and all is exact."""
+    transport = made(tmp_path / "v.transport", quad(brdf.Phong(20)), receivers="vertices", factors=4)
+    assert transport.factors == 4 and "4 factors leave 4" in str(transport.plan)
+    env = dl.Environment.builtin("hall")
+    relighter = dl.Relighter(transport, dl.PerBand(terms=30))
+    frame = relighter.step(env)
+    for k in range(4):
+        camera = replace(transport.camera, position=(np.sin(k), 1.5, np.cos(k)))
+        again = relighter.step(env)
+        np.testing.assert_array_equal(again.values, frame.values)
+        assert len(again.columns) == 0
+        exact = transport.render(camera, transport.multiply(relighter.values), env)
+        np.testing.assert_array_equal(again.render(camera), exact)
+    colours = transport.colours(frame.values)
+    assert colours.shape == (98, 3)
+    transport.save_colours(tmp_path / "a.glb", frame.values)
+
+
+@pytest.mark.parametrize("factors", ["some", 0, -1, 1.5])
+def test_numbers_of_factors_are_checked(tmp_path, factors):
+    with pytest.raises(ValueError, match="factor"):
+        made(tmp_path / "v.transport", quad(brdf.Phong(20)), receivers="vertices", factors=factors)
+
+
+def test_forged_factors_are_refused(tmp_path):
+    transport = made(tmp_path / "v.transport", quad(brdf.Phong(20), 1), receivers="vertices", factors=2)
+    arrays = transport._core.beside("scene")
+    assert Gloss.of(arrays, transport.receivers).first == 8
+    for name, forged in {
+        "base": arrays["base"] * 0 + 9,
+        "factor": arrays["factor"] * 0 + 7,
+        "eye.00000": arrays["eye.00000"].astype(np.float64),
+    }.items():
+        with pytest.raises(ValueError, match="expected"):
+            Gloss.of({**arrays, name: forged}, transport.receivers)

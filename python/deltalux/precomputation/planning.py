@@ -61,7 +61,7 @@ def make_plan(prepared: Prepared) -> Plan:
         column_count=columns.columns,
         bands=int(columns.bands[-1]) + 1,
         channels=prepared.direct.channels,
-        factors=prepared.direct.factors,
+        factors=max([1, *(own.count for colours in prepared.factored.values() for own in colours)]),
         bounces=0,
         why=f"light of {6 * columns.face**2:,} texels that arrives directly{_texels(prepared, probe)}",
         cost=_cost(
@@ -83,7 +83,11 @@ def make_plan(prepared: Prepared) -> Plan:
         left_out=_left_out(prepared, probe, part),
         errors=probe.survey.errors,
         without=probe.survey.without,
-        notes=[*(f"{count:,} {what}" for what, count in _found(prepared).items() if count), *scene.warnings],
+        notes=[
+            *(f"{count:,} {what}" for what, count in _found(prepared).items() if count),
+            *_factors(prepared),
+            *scene.warnings,
+        ],
     )
 
 
@@ -94,6 +98,19 @@ def _materials(prepared: Prepared) -> str:
     if glossy:
         return f"{glossy} of {count} materials are glossy in one grey lobe each colour of theirs, the others diffuse"
     return "its material is diffuse" if count == 1 else f"all {count} materials are diffuse"
+
+
+def _factors(prepared: Prepared) -> list[str]:
+    """What factors leave of each lobe, and what four would."""
+    said = []
+    for number, colours in prepared.factored.items():
+        for own in colours:
+            left, four = (100 * own.left[min(count, len(own.left) - 1)] for count in (own.count, 4))
+            said.append(
+                f"material {number}, {prepared.scene.models[number]}: {own.count} factors leave {left:.0f} % of a "
+                f"highlight under natural light (4: {four:.0f} %)"
+            )
+    return said
 
 
 def _found(prepared: Prepared) -> dict[str, int]:
@@ -250,12 +267,13 @@ def _left_out(prepared: Prepared, probe: _Probe, part: Part) -> list[LeftOut]:
         left_out.append(LeftOut("2 of 3 colour channels", why))
     if prepared.between is None or probe.hit_share == 0:
         left_out.append(LeftOut("bounces", _bounces(probe)))
-    if part.factors == 1:
+    if part.factors == 1 and not prepared.factored:
         view = "one view, and " if prepared.request.receivers == "pixels" else ""
         left_out.append(LeftOut("view factors", f"{view}{materials}"))
     if scene.models and not prepared.glossy:
-        why = "not asked for" if prepared.request.receivers == "pixels" else "vertices are seen from anywhere"
-        left_out.append(LeftOut("rows of glossy lobes", why))
+        left_out.append(LeftOut("rows of glossy lobes", "not asked for"))
+    if prepared.factored and prepared.between is not None:
+        left_out.append(LeftOut("reflections of surfaces", "factors of a lobe may be negative, weights of nodes not"))
     if prepared.texels_left_out:
         left_out.append(LeftOut("texel columns", "they hold cosines; suns reach glossy rows through wavelets"))
     behind = prepared.rows.unseen

@@ -12,10 +12,12 @@ import numpy as np
 
 from .._core import DirectPass, Looked, Receivers
 from ..brdf import Measured
+from ..checks import count
 from ..columns import Columns, Haar, parse
 from ..scene.scene import Scene
 from ..surface.material import Lobe
 from .between import Between, KnownNodes, Nodes, PlacedNodes
+from .factoring import Factored, factored
 from .lights import lights
 from .quality import QUALITIES, Quality
 from .room import check_request
@@ -55,7 +57,7 @@ class Request:
 
     Attributes
     ----------
-    columns, quality, tolerance, receivers, normals, gloss
+    columns, quality, tolerance, receivers, normals, gloss, factors
         As for `precompute`.
     between
         Of light between surfaces; None: nothing.
@@ -68,8 +70,14 @@ class Request:
     normals: str = "smooth"
     between: Between | None = None
     gloss: bool = True
+    factors: int | str = "auto"
 
     def __post_init__(self) -> None:
+        if isinstance(self.factors, str):
+            if self.factors != "auto":
+                raise ValueError(f'expected factors to be "auto" or how many, got {self.factors!r}')
+        elif count("factors", self.factors) < 1:
+            raise ValueError(f"expected at least one factor, got {self.factors}")
         for name, words in (("receivers", ("pixels", "vertices")), ("normals", ("smooth", "flat"))):
             if getattr(self, name) not in words:
                 known = " or ".join(f'"{word}"' for word in words)
@@ -95,7 +103,7 @@ class Prepared:
         self.scene, self.request = scene, request
         columns = request.columns
         self.columns = parse(columns) if isinstance(columns, str) else columns
-        self.glossy = request.gloss and request.receivers == "pixels" and bool(scene.models)
+        self.glossy = request.gloss and bool(scene.models)
         # A texel's column is made anew from cosines, which glossy rows do not hold.
         self.texels_left_out = self.glossy and isinstance(self.columns, Haar) and self.columns.texels
         if self.texels_left_out:
@@ -103,6 +111,7 @@ class Prepared:
         self.quality, self.settings = request.quality, _settings(request.quality, request.tolerance)
         check_request(scene)
         self.core = scene.traced()
+        self.factored: dict[int, list[Factored]] = {}
         self.camera = scene.camera.rays()
         self.rows = self._found()
         self.count = len(self.rows)
@@ -131,7 +140,19 @@ class Prepared:
                 for model, dark in zip(scene.models, black, strict=True)
             ]
             return rows.glossy(scene.material[rows.triangle], diffuse, lobes, scene.camera.position)
-        return self.core.vertices(scene.triangles, shading=self.request.normals, normals=scene.normals)
+        rows = self.core.vertices(scene.triangles, shading=self.request.normals, normals=scene.normals)
+        if not self.glossy:
+            return rows
+        for number, model in enumerate(scene.models):
+            if model is not None:
+                colours = range(len(lobe_colours(model)))
+                self.factored[number] = [factored(model, self.request.factors, colour) for colour in colours]
+        nothing = np.zeros((0, 1, 1), np.float32)
+        tables = [
+            _stacked([own.light for own in self.factored[number]]) if number in self.factored else nothing
+            for number in range(len(scene.albedo))
+        ]
+        return rows.factored(scene.material[rows.triangle], tables)
 
     def albedo(self) -> np.ndarray:
         """What the response of each row is multiplied by: the diffuse albedo, or the colour of its lobe."""
@@ -140,9 +161,26 @@ class Prepared:
         lobe, material = rows.lobe, scene.material[rows.triangle]
         if scene.specular is not None and (lobe >= 0).any():
             for number, model in enumerate(scene.models):
-                for place, colour in enumerate(lobe_colours(model)):
+                of = lobe_colours(model)
+                if number in self.factored:
+                    own = zip(of, self.factored[number], strict=True)
+                    of = [colour for colour, factors in own for _ in range(factors.count)]
+                for place, colour in enumerate(of):
                     albedo[(material == number) & (lobe == place)] = scene.specular[number] * colour
+                if isinstance(model, Measured):
+                    albedo[(material == number) & (lobe < 0)] = 0
         return albedo
+
+    def beside(self) -> dict[str, np.ndarray]:
+        """What shows vertices: the rows of triangles; and of glossy ones, what the eye makes of factors."""
+        if self.request.receivers == "pixels":
+            return {}
+        rows = self.rows
+        shown = {"corners": rows.corners, "shown": rows.shown}
+        if not self.factored:
+            return shown
+        eyes = {f"eye.{number:05}": _stacked([own.eye for own in factors]) for number, factors in self.factored.items()}
+        return shown | {"base": rows.base, "factor": rows.lobe.astype(np.uint32)} | eyes
 
     @property
     def asked(self) -> dict[str, object]:
@@ -152,7 +190,11 @@ class Prepared:
         if isinstance(self.between, KnownNodes):
             asked |= {"nodes": self.between.name}
         asked |= {} if request.gloss else {"gloss": False}
-        return asked if request.receivers == "pixels" else asked | {"vertices": request.normals}
+        return (
+            asked
+            if request.receivers == "pixels"
+            else asked | {"vertices": request.normals, "factors": request.factors}
+        )
 
     @property
     def bundles(self) -> int:
@@ -183,6 +225,11 @@ class Prepared:
 
 
 _ONE = np.ones(3, np.float32)
+
+
+def _stacked(tables: list[np.ndarray]) -> np.ndarray:
+    """One below the other, in C order."""
+    return np.ascontiguousarray(np.concatenate(tables))
 
 
 def lobes_of(model: Lobe | None) -> list[Any]:

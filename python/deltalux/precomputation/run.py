@@ -38,6 +38,7 @@ def plan(
     receivers: str = "pixels",
     normals: str = "smooth",
     gloss: bool = True,
+    factors: int | str = "auto",
 ) -> Plan:
     """What `precompute` would compute and leave out, and what it would cost.
 
@@ -47,7 +48,7 @@ def plan(
     ----------
     scene
         Geometry, materials and camera.
-    columns, quality, tolerance, bounces, residual, nodes, receivers, normals, gloss
+    columns, quality, tolerance, bounces, residual, nodes, receivers, normals, gloss, factors
         As for `precompute`.
 
     Returns
@@ -61,7 +62,7 @@ def plan(
         As `precompute`, but for what would not fit on a disk.
     """
     asked = between(bounces, residual, nodes)
-    return Precomputation(scene, Request(columns, quality, tolerance, receivers, normals, asked, gloss)).plan
+    return Precomputation(scene, Request(columns, quality, tolerance, receivers, normals, asked, gloss, factors)).plan
 
 
 def precompute(
@@ -77,6 +78,7 @@ def precompute(
     nodes: int | str = "auto",
     normals: str = "smooth",
     gloss: bool = True,
+    factors: int | str = "auto",
     progress: bool | Progress = True,
 ) -> Transport:
     """Ray traces the light transport of a scene into a directory, and opens it.
@@ -114,7 +116,11 @@ def precompute(
         degrees; or "flat".
     gloss
         Whether materials with a lobe have rows for it, as the camera sees them; their columns are without texels. What
-        they reflect of other surfaces takes bounces, and is as sharp as the nodes. Rows at vertices are diffuse.
+        they reflect of other surfaces takes bounces, and is as sharp as the nodes. At vertices, which are seen from
+        anywhere, lobes are sums of factors, and reflect the environment alone.
+    factors
+        Of a lobe at vertices: "auto", as few as leave a tenth of it under natural light, at most 24, or how many. The
+        plan says what they leave.
     progress
         True: a bar on standard error. A callable: progress(rows done, rows in all).
 
@@ -136,7 +142,7 @@ def precompute(
     orthonormal on the sphere.
     """
     asked = between(bounces, residual, nodes)
-    request = Request(columns, quality, tolerance, receivers, normals, asked, gloss)
+    request = Request(columns, quality, tolerance, receivers, normals, asked, gloss, factors)
     check_folder_of(Path(path))
     return Precomputation(scene, request).run(path, progress)
 
@@ -302,8 +308,7 @@ class _Run:
             scene.material[rows.triangle].astype(np.uint16),
         )
         arrays = scene.arrays()
-        if self.prepared.request.receivers == "vertices":
-            arrays |= {"corners": rows.corners, "shown": rows.shown}
+        arrays |= self.prepared.beside() if arrays else {}
         self.writer.finish(
             parts=self.parts,
             receivers=table,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -23,7 +24,7 @@ from .entry import GROUP
 from .makers import made
 from .mesh import save_mesh
 from .plan import Plan, Solve
-from .receivers import Pixels, Receivers, of_table
+from .receivers import Pixels, Receivers, Vertices, of_table
 from .views import Views
 
 if TYPE_CHECKING:
@@ -89,8 +90,13 @@ class Transport:
 
     @property
     def factors(self) -> int:
-        """How many responses are mixed for every receiver; 1 where there is nothing to mix."""
-        return self._core.factors
+        """How many responses make up what is seen of a receiver: of a mix, or of the lobes of vertices, which a view
+        mixes; 1 where there is nothing to mix."""
+        planned = [1]
+        # What was made in memory has no plan.
+        with suppress(ValueError):
+            planned = [part.factors for part in self.plan.parts]
+        return max(self._core.factors, *planned)
 
     @property
     def bounces(self) -> int:
@@ -272,8 +278,8 @@ class Transport:
             If the shape is another.
         """
         weights = np.ascontiguousarray(mix, np.float32)
-        if weights.shape != (self.shape[0], self.factors):
-            raise ValueError(f"expected a mix of shape ({self.shape[0]}, {self.factors}), got {weights.shape}")
+        if weights.shape != (self.shape[0], self._core.factors):
+            raise ValueError(f"expected a mix of shape ({self.shape[0]}, {self._core.factors}), got {weights.shape}")
         return weights
 
     def row(self, i: int) -> NDArray[np.float32]:
@@ -369,7 +375,7 @@ class Transport:
         return picture
 
     def colours(self, B: ArrayLike) -> NDArray[np.float32]:
-        """The colours of vertices under a response: albedos in; what lies inside something shows its neighbour's light.
+        """The diffuse colours of vertices under a response, albedos in; what lies inside something shows its neighbour.
 
         Parameters
         ----------
@@ -378,15 +384,16 @@ class Transport:
 
         Returns
         -------
-        (rows, 3) float32
-            Linear radiance.
+        (vertices, 3) float32
+            Linear radiance; rows of glossy factors, which only a view has a colour for, come behind those of vertices.
 
         Raises
         ------
         ValueError
             If the shape is wrong or the rows are no vertices.
         """
-        return self.albedo * self._response(B)[self._views.shown]
+        shown = self._views.shown
+        return self.albedo[: len(shown)] * self._response(B)[shown]
 
     def save_colours(self, path: str | os.PathLike[str], B: ArrayLike, exposure: float = 0.0) -> None:
         """Writes the mesh with the colours of its vertices.
@@ -407,8 +414,9 @@ class Transport:
         OSError
             If the disk refuses.
         """
-        receivers, scale = self.receivers, np.float32(2.0**exposure)
-        save_mesh(path, receivers.position, receivers.normal, self._views.triangles, scale * self.colours(B))
+        receivers, colours = self.receivers, np.float32(2.0**exposure) * self.colours(B)
+        count = len(colours)
+        save_mesh(path, receivers.position[:count], receivers.normal[:count], self._views.triangles, colours)
 
     @cached_property
     def surface(self) -> Surface:
@@ -429,12 +437,13 @@ class Transport:
 
     @cached_property
     def _views(self) -> Views:
-        if self.receivers.kind != "vertices":
-            kind = self.receivers.kind
+        receivers = self.receivers
+        if not isinstance(receivers, Vertices):
+            kind = receivers.kind
             raise ValueError(f"expected a transport of vertices for a view of one's own, but its rows are {kind}")
         arrays = self._core.beside("scene") or {}
         try:
-            return Views.of(self.surface, arrays, self.shape[0])
+            return Views.of(self.surface, arrays, receivers)
         except FileError:
             raise
         except ValueError as error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,8 @@ from .._core import Receivers as Rows
 from .._core import Scene as CoreScene
 from ..camera import Camera
 from ..surface.surface import Surface
+from .gloss import Gloss
+from .receivers import Vertices
 
 __all__ = ["Views"]
 
@@ -31,6 +34,10 @@ class _View:
     rows: Rows
     table: ReceiverTable
     behind: Behind
+    shine: ReceiverTable | None
+    """The same with the colours of lobes; None where there are none."""
+    mix: NDArray[np.float32]
+    """What the eye makes of the response of each row of a factor."""
 
 
 class Views:
@@ -45,15 +52,19 @@ class Views:
     corners
         (t, 6) uint32: the rows that each triangle's corners show in front, and behind.
     shown
-        (rows,) uint32: the row whose light each row shows.
+        (vertices,) uint32: the row whose light each vertex shows.
+    gloss
+        Rows of factors; None where all are diffuse.
     """
 
-    def __init__(self, surface: Surface, corners: NDArray[np.uint32], shown: NDArray[np.uint32]) -> None:
-        self._surface, self._corners, self.shown = surface, corners, shown
+    def __init__(
+        self, surface: Surface, corners: NDArray[np.uint32], shown: NDArray[np.uint32], gloss: Gloss | None
+    ) -> None:
+        self._surface, self._corners, self.shown, self._gloss = surface, corners, shown, gloss
         self._views: dict[Camera, _View] = {}
 
     @staticmethod
-    def of(surface: Surface, arrays: Mapping[str, NDArray[np.uint32]], rows: int) -> Views:
+    def of(surface: Surface, arrays: Mapping[str, NDArray[Any]], receivers: Vertices) -> Views:
         """From what lies beside a transport of vertices.
 
         Raises
@@ -61,6 +72,8 @@ class Views:
         ValueError
             If an array is missing or names rows that are not there.
         """
+        gloss = Gloss.of(arrays, receivers) if "base" in arrays else None
+        rows = len(receivers) if gloss is None else gloss.first
         shape = {"corners": (len(surface.triangles), 6), "shown": (rows,)}
         for name, expected in shape.items():
             found = arrays.get(name)
@@ -72,7 +85,7 @@ class Views:
             raise ValueError(f"expected the corners of triangles to be rows below {rows}")
         shows = corners.copy()
         shows[there] = shown[corners[there]]
-        return Views(surface, shows, shown)
+        return Views(surface, shows, shown, gloss)
 
     @cached_property
     def _traced(self) -> CoreScene:
@@ -94,9 +107,13 @@ class Views:
         found = self._views.get(camera)
         if found is None:
             rows = self._traced.receivers(camera.rays(), edges=True)
-            albedo = self._surface.albedo_at(rows.triangle, rows.barycentric)
-            table = rows.table(albedo, self._surface.material[rows.triangle].astype(np.uint16))
-            found = _View(rows, table, Behind(table.background, camera.directions()))
+            material = self._surface.material[rows.triangle]
+            table = rows.table(self._surface.albedo_at(rows.triangle, rows.barycentric), material.astype(np.uint16))
+            shine, mix = None, np.zeros(0, np.float32)
+            if self._gloss is not None and self._surface.specular is not None:
+                shine = rows.table(self._surface.specular[material], material.astype(np.uint16))
+                mix = self._gloss.mix(camera)
+            found = _View(rows, table, Behind(table.background, camera.directions()), shine, mix)
             while len(self._views) >= _KEPT:
                 self._views.pop(next(iter(self._views)), None)
             self._views[camera] = found
@@ -104,5 +121,8 @@ class Views:
 
     def picture(self, camera: Camera, B: NDArray[np.float32]) -> tuple[NDArray[np.float32], Behind]:
         """The picture of a response at vertices, (height, width, 3), and what puts an environment behind it."""
-        view = self._view(camera)
-        return view.table.resolve(view.rows.interpolated(self._both, B)), view.behind
+        view, diffuse = self._view(camera), B[: len(self.shown)]
+        picture = view.table.resolve(view.rows.interpolated(self._both, np.ascontiguousarray(diffuse)))
+        if view.shine is not None and self._gloss is not None:
+            picture += view.shine.resolve(view.rows.interpolated(self._both, self._gloss.seen(B, view.mix)))
+        return picture, view.behind
