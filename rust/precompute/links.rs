@@ -189,8 +189,7 @@ enum Why {
 pub fn links(
     surfaces: Surfaces,
     nodes: &Nodes,
-    receivers: &Points,
-    lobes: &Lobes,
+    (receivers, lobes): (&Points, &Lobes),
     gathering: Gathering,
     albedo: &[f64],
     seen: &[f64],

@@ -15,8 +15,11 @@ fn file_of(name: &str) -> PyResult<&'static str> {
     Ok(found.ok_or_else(refusal)?.1)
 }
 
+/// Arrays by their names.
+pub(super) type Named<'py> = Vec<(String, Bound<'py, PyAny>)>;
+
 /// Arrays of float64, float32 or uint32, in the order of their names.
-pub(super) fn beside_of(name: &str, arrays: Vec<(String, Bound<'_, PyAny>)>) -> PyResult<Beside> {
+pub(super) fn beside_of(name: &str, arrays: Named<'_>) -> PyResult<Beside> {
     let array = |(name, array): (String, Bound<'_, PyAny>)| {
         let shape = array.getattr("shape")?.extract()?;
         let numbers = if let Some(items) = slab_of::<f64>(&array)? {

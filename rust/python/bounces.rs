@@ -164,7 +164,7 @@ impl Sources {
         let (scene, points, lobes) = (scene.get(), receivers.get().points(), receivers.get().lobes());
         let links = interruptible(py, progress, |watch| {
             let (gathering, advance) = (Gathering { side, audit }, |done| watch.advance(done));
-            core::links(scene.surfaces(), &self.nodes, &points, &lobes, gathering, &self.albedo, &self.seen, &advance)
+            core::links(scene.surfaces(), &self.nodes, (&points, &lobes), gathering, &self.albedo, &self.seen, &advance)
         })?;
         Ok(Links { links })
     }

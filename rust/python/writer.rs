@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::transport::{self as core, Audit, Channels, Description, Part, Tile, Writer};
 
 use super::arrays::to_vec;
-use super::beside::beside_of;
+use super::beside::{Named, beside_of};
 use super::pieces::{Link, TileData};
 use super::receivers::ReceiverTable;
 use super::{compute, compute_on, look_at};
@@ -72,7 +72,7 @@ impl TransportWriter {
         first: usize,
         link: Option<&Link>,
         audit: Option<(PyReadonlyArray1<'_, u32>, Py<TileData>)>,
-        beside: Vec<(String, Vec<(String, Bound<'_, PyAny>)>)>,
+        beside: Vec<(String, Named<'_>)>,
     ) -> PyResult<()> {
         let part = |(name, columns, rows, channels, quantum, width, tile_rows): PartTuple| {
             Ok(Part {

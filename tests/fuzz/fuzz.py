@@ -24,7 +24,7 @@ from typing import Any
 
 import deltalux as dl
 import numpy as np
-from deltalux.transport.receivers import Pixels
+from deltalux.transport.receivers import Pixels, Vertices
 
 sys.path.insert(0, str(Path(__file__).parent))
 import mutations as mu  # noqa: E402
@@ -88,7 +88,8 @@ def open_transport(folder: Path) -> None:
     """What was taken for whole must also bear use."""
     transport = dl.Transport.open(folder)
     rows, columns = transport.shape
-    mix = np.ones((rows, transport.factors)) if transport.factors > 1 else None
+    factors = transport._core.factors
+    mix = np.ones((rows, factors)) if factors > 1 else None
     product = transport.multiply(np.ones((columns, 3)), mix=mix)
     _ = transport.column_norms, transport.audit, transport.columns, transport.second_columns
     dl.Relighter(transport, dl.PerBand(terms=3), mix=mix).step(np.ones((columns, 3)))
@@ -96,6 +97,8 @@ def open_transport(folder: Path) -> None:
         transport.image(product)
         transport.row(0)
         _ = str(transport.plan), transport.camera
+    elif isinstance(transport.receivers, Vertices) and transport._core.beside("scene") is not None:
+        transport.render(dl.Camera((0.3, 1.0, 0.7), (0, 0, 0), width=6, height=5), product)
 
 
 def load_scene(folder: Path) -> None:

@@ -28,7 +28,11 @@ def transports(folder: Path) -> list[Files]:
     floor = dl.Scene.from_arrays(QUAD - 0.5, [[0, 1, 2], [0, 2, 3]], camera=dl.Camera((0, 0, 0.4), (0, 0, 0)))
     floor = floor.with_camera(floor.camera.resized(96, 96))
     dl.precompute(floor, folder / "tiles.transport", columns="haar:1", quality="preview", progress=False)
-    return [*made, contents(folder / "tiles.transport"), *linked(folder)]
+    glossy = floor.with_material(0, dl.Material(0.2, 0.5, dl.brdf.Phong(20)))
+    options = {"columns": "haar:1", "quality": "preview", "receivers": "vertices", "bounces": 1, "factors": 2}
+    dl.precompute(glossy, folder / "glossy.transport", progress=False, **options)
+    whole = [contents(folder / f"{name}.transport") for name in ("tiles", "glossy")]
+    return [*made, *whole, *linked(folder)]
 
 
 def linked(folder: Path) -> list[Files]:

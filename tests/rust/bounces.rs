@@ -331,7 +331,8 @@ fn links_sum_to_one_and_forms_do_not_depend_on_threads() {
         placed.cells.iter().take(100).for_each(|cell| points.push(&cell[1]));
         let ones = vec![0.5; nodes.len()];
         let gathering = Gathering { side: 8, audit: 0.05 };
-        let linked = links(surfaces, nodes, &points, &Lobes::default(), gathering, &ones, &ones, &|_| Ok(())).unwrap();
+        let linked =
+            links(surfaces, nodes, (&points, &Lobes::default()), gathering, &ones, &ones, &|_| Ok(())).unwrap();
         (nodes.len(), factors.counts.nodes, linked.weights.arrays().1.to_vec(), linked.weights)
     };
     let (count, form, links, weights) = run();

@@ -7,7 +7,7 @@ use proptest::prelude::*;
 
 /// Corners of a cube of half a side `half` around a centre, two triangles a face, wound outwards; those whose bit is set in
 /// `turned` the other way round.
-fn cube(centre: [f64; 3], half: f64, turned: u32) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
+fn cube(centre: [f64; 3], half: f64, turned: u32) -> Body {
     let corner =
         |k: usize| std::array::from_fn(|axis| centre[axis] + half * if k >> axis & 1 == 1 { 1.0 } else { -1.0 });
     let vertices = (0..8).map(corner).collect();
@@ -17,7 +17,10 @@ fn cube(centre: [f64; 3], half: f64, turned: u32) -> (Vec<[f64; 3]>, Vec<[u32; 3
     (vertices, wound.collect())
 }
 
-fn joined(parts: &[(Vec<[f64; 3]>, Vec<[u32; 3]>)]) -> (Vec<[f64; 3]>, Vec<[u32; 3]>) {
+/// Vertices and triangles.
+type Body = (Vec<[f64; 3]>, Vec<[u32; 3]>);
+
+fn joined(parts: &[Body]) -> Body {
     let (mut vertices, mut triangles) = (Vec::new(), Vec::new());
     for (own, corners) in parts {
         let start = vertices.len() as u32;

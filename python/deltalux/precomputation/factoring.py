@@ -132,7 +132,7 @@ def _prior(cosine: NDArray[np.float64], rings: int) -> NDArray[np.float64]:
     """How light from two directions varies together, by the cosine between them."""
     degrees = np.arange(2 * rings + 1)
     power = 1 / np.maximum(degrees * (degrees + 1), 2.0)
-    return np.asarray(legval(cosine, (2 * degrees + 1) / (4 * np.pi) * power))
+    return np.asarray(legval(cosine, (2 * degrees + 1) / (4 * np.pi) * power), np.float64)
 
 
 _Table = Callable[[NDArray[np.intp]], NDArray[np.float64]]
