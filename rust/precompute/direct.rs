@@ -101,7 +101,7 @@ impl DirectPass {
         let (size, areas) = (self.projection.size(), self.projection.areas());
         let own = |(lane, row): (usize, usize)| {
             let lobe = self.lobes.of(row, self.visibility.points.normal[row])?;
-            let sampled = lobe.is_narrow(size).then(|| lobe.sampled(size, areas, row as u64));
+            let sampled = lobe.is_narrow(size).then(|| lobe.sampled(&self.visibility.texels, areas, row as u64));
             Some(Glossy { lane, lobe, sampled })
         };
         rows.enumerate().filter_map(own).collect()

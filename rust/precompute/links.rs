@@ -208,6 +208,10 @@ pub fn links(
             return (Taken::Interpolated(Vec::new()), 0);
         }
         if let Some(lobe) = lobes.of(row, receivers.normal[row]) {
+            // Factors may be negative, and weights not.
+            if lobe.is_factor() {
+                return (Taken::Interpolated(Vec::new()), 0);
+            }
             return reflected(surfaces, nodes, origin, &lobe, row as u64, room);
         }
         let directions = cosine_directions(normal, side, mixed(row as u64) ^ 1);
@@ -256,15 +260,14 @@ pub fn links(
         starts.push(from.len() as u32);
     }
     let weights = Weights::new(Slab::from(starts), Slab::from(from), Slab::from(by), EXPONENT, 2 * nodes.len())?;
-    let count = CHECKED.min(receivers.len());
+    // Of rows that take cosines, and see something.
+    let plain: Vec<usize> =
+        (0..receivers.len()).filter(|&row| receivers.normal[row] != [0.0; 3] && !lobes.has(row)).collect();
+    let count = CHECKED.min(plain.len());
     let check = |k: usize| -> Result<Check> {
         advance(0)?;
-        let row = (2 * k + 1) * receivers.len() / (2 * count);
+        let row = plain[(2 * k + 1) * plain.len() / (2 * count)];
         let (origin, normal) = (receivers.origin[row].map(f64::from), receivers.normal[row].map(f64::from));
-        // What lies inside something takes nothing; a lobe gathers by few rays as by many.
-        if normal == [0.0; 3] || lobes.of(row, receivers.normal[row]).is_some() {
-            return Ok(Check { receiver: row, taken: Vec::new(), gathered: Vec::new() });
-        }
         let directions = cosine_directions(normal, CLOSELY, mixed(row as u64) ^ 2);
         let (found, _) = met(surfaces, nodes, directions.map(|direction| (origin, direction)));
         let share = 1.0 / (CLOSELY * CLOSELY) as f64;
@@ -307,12 +310,10 @@ fn reflected(
         shares.extend(around.iter().map(|&(node, share)| (node, weight * share / sum)));
     }
     shares.sort_by_key(|&(node, _)| node);
-    let whole = |same: &[(u32, f64)]| {
-        let share: f64 = same.iter().map(|&(_, share)| share).sum();
-        (same[0].0, (share * f64::from(WHOLE)).round().min(f64::from(u16::MAX)) as u16)
-    };
-    let taken = shares.chunk_by(|a, b| a.0 == b.0).map(whole).filter(|&(_, weight)| weight > 0).collect();
-    (Taken::Gathered(taken, Why::Glossy), (side * side) as u64)
+    let total = |same: &[(u32, f64)]| (same.iter().map(|&(_, share)| share).sum(), same[0].0);
+    let merged: Vec<(f64, u32)> = shares.chunk_by(|a, b| a.0 == b.0).map(total).collect();
+    let whole = (merged.iter().map(|&(share, _)| share).sum::<f64>() * f64::from(WHOLE)).round() as u32;
+    (Taken::Gathered(in_whole_numbers(&merged, whole), Why::Glossy), (side * side) as u64)
 }
 
 /// The nodes that speak for a receiver, and the rays it took to find them: integers that sum to `WHOLE`, or nothing where
@@ -353,18 +354,21 @@ fn interpolation(
     }
     speaking.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     speaking.truncate(TAKEN);
-    (in_whole_numbers(&speaking), shot)
+    (in_whole_numbers(&speaking, WHOLE), shot)
 }
 
-/// Shares as integers that sum to `WHOLE`: rounded down, and what is left goes to the largest remainders.
-fn in_whole_numbers(shares: &[(f64, u32)]) -> Vec<(u32, u16)> {
+/// Shares as integers that sum to `wanted`: rounded down, and what is left goes to the largest remainders.
+fn in_whole_numbers(shares: &[(f64, u32)], wanted: u32) -> Vec<(u32, u16)> {
     let sum: f64 = shares.iter().map(|share| share.0).sum();
-    let exact: Vec<f64> = shares.iter().map(|share| share.0 / sum * f64::from(WHOLE)).collect();
+    if sum <= 0.0 {
+        return Vec::new();
+    }
+    let exact: Vec<f64> = shares.iter().map(|share| share.0 / sum * f64::from(wanted)).collect();
     let mut whole: Vec<u32> = exact.iter().map(|x| *x as u32).collect();
     let mut order: Vec<usize> = (0..shares.len()).collect();
     order.sort_by(|&a, &b| (exact[b] - exact[b].floor()).total_cmp(&(exact[a] - exact[a].floor())));
-    let left = WHOLE.saturating_sub(whole.iter().sum());
+    let left = wanted.saturating_sub(whole.iter().sum());
     order.iter().cycle().take(left as usize).for_each(|&k| whole[k] += 1);
-    let pairs = shares.iter().zip(whole).map(|(share, weight)| (share.1, weight as u16));
+    let pairs = shares.iter().zip(whole).map(|(share, weight)| (share.1, weight.min(u32::from(u16::MAX)) as u16));
     pairs.filter(|(_, weight)| *weight > 0).collect()
 }

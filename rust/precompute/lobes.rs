@@ -78,6 +78,11 @@ impl Lobes {
         self.of_row.iter().any(|&own| own != DIFFUSE)
     }
 
+    /// Whether a row has one.
+    pub fn has(&self, row: usize) -> bool {
+        self.of_row.get(row).is_some_and(|&own| own != DIFFUSE)
+    }
+
     /// The lobe of a row with this normal; None of a diffuse one.
     pub fn of(&self, row: usize, normal: [f32; 3]) -> Option<Lobe<'_>> {
         let own = *self.of_row.get(row).filter(|&&own| own != DIFFUSE)?;
@@ -109,6 +114,11 @@ impl Lobe<'_> {
             Shape::Seen(_) => 0.0,
             Shape::Factor(factor) => factor.value(wi),
         }
+    }
+
+    /// Whether it is a factor of a lobe that is seen from anywhere.
+    pub fn is_factor(&self) -> bool {
+        matches!(self.shape, Shape::Factor(_))
     }
 
     /// Radians from its axis to where it has fallen to a half.
@@ -167,14 +177,21 @@ impl Lobe<'_> {
         (PI * sum / area) as f32
     }
 
-    /// The same of all texels that samples hit, ascending; `areas`: solid angles of the texels of a face.
-    pub(super) fn sampled(&self, size: usize, areas: &[f64], seed: u64) -> Vec<(u32, f32)> {
+    /// The same of all texels that samples hit, ascending; `areas`: solid angles of the texels of a face. Nothing is seen of
+    /// a texel whose centre is below the horizon: what falls into one goes to its highest neighbour.
+    pub(super) fn sampled(&self, texels: &Texels, areas: &[f64], seed: u64) -> Vec<(u32, f32)> {
+        let size = texels.size;
+        let height = |texel: usize| dot(texels.centre[texel].map(f64::from), self.frame[2]);
         let mut hits: Vec<(u32, f64)> = self
             .samples(SAMPLES, seed)
             .map(|(direction, weight)| {
                 let (face, s, t) = direction_to_face_uv(direction);
-                let of_face = texel_of(size, t) * size + texel_of(size, s);
-                ((face * size * size + of_face) as u32, PI * weight / areas[of_face])
+                let mut texel = face * size * size + texel_of(size, t) * size + texel_of(size, s);
+                if height(texel) <= 0.0 {
+                    let around = texels.neighbours[texel].iter().map(|&next| next as usize);
+                    texel = around.max_by(|&a, &b| height(a).total_cmp(&height(b))).unwrap_or(texel);
+                }
+                (texel as u32, PI * weight / areas[texel % (size * size)])
             })
             .collect();
         hits.sort_by_key(|&(texel, _)| texel);

@@ -2,6 +2,7 @@
 //! any split over threads, machines or interrupted runs gives the same M.
 
 pub mod bounces;
+pub mod contrast;
 pub mod direct;
 pub mod links;
 pub mod lobes;
@@ -13,6 +14,7 @@ mod texels;
 mod visibility;
 
 pub use bounces::{Bounces, Interreflection, Share};
+pub use contrast::contrast;
 pub use direct::DirectPass;
 pub use links::{FormFactors, Gathering, Links, form_factors, links};
 pub use lobes::{DIFFUSE, Lobes, Shape as LobeShape};

@@ -69,6 +69,12 @@ enum OneLobe<'py> {
     Measured(Bound<'py, Measured>, usize),
 }
 
+/// The number of the last of so many lobes; refuses more than rows can name.
+fn numbered(count: usize) -> Result<u16> {
+    let number = u16::try_from(count - 1).ok().filter(|&number| number != DIFFUSE);
+    number.ok_or_else(|| Error::input(format!("expected at most {DIFFUSE} lobes and factors in all, got {count}")))
+}
+
 /// What rows stand for.
 enum Kind {
     Pixels { image: [usize; 2], pixel: Vec<u32>, weight: Vec<f32>, background: Vec<f32> },
@@ -175,7 +181,7 @@ impl Receivers {
                     LobeShape::Seen(Arc::new(Colour::new(Arc::clone(&table.get().table), *channel)?))
                 }
             });
-            Ok(models.len() as u16 - 1)
+            numbered(models.len())
         };
         let of_material = lobes.iter().map(|own| own.iter().map(&mut number).collect::<Result<Vec<u16>>>());
         let of_material = of_material.collect::<Result<Vec<_>>>()?;
@@ -239,8 +245,8 @@ impl Receivers {
             let [count, rings, columns] = tables.as_array().shape().try_into().unwrap_or([0; 3]);
             for (place, table) in tables.as_array().outer_iter().enumerate().take(count) {
                 let table = Factor::new(rings, columns, table.iter().copied().collect())?;
-                let model = models.len() as u16;
                 models.push(LobeShape::Factor(Arc::new(table)));
+                let model = numbered(models.len())?;
                 let own = (0..rows.len()).filter(|&row| material[row] as usize == number);
                 all.extend(own.map(|row| (row, place as i32, model)));
             }
@@ -262,7 +268,8 @@ impl Receivers {
             rays: self.rays,
             kind: Kind::Vertices(Vertices {
                 points: Arc::clone(&points),
-                places: picked(&all, &rows.places),
+                // Nodes lie around vertices, however many factors those have.
+                places: rows.places.clone(),
                 vertex: picked(&all, &rows.vertex),
                 buried: picked(&all, &rows.buried),
                 shown: rows.shown.clone(),
@@ -340,7 +347,10 @@ impl Receivers {
     /// Rows that lie inside something and see nothing.
     #[getter]
     fn buried(&self) -> usize {
-        self.vertices().map_or(0, |rows| rows.buried.iter().filter(|&&buried| buried).count())
+        self.vertices().map_or(0, |rows| {
+            let own = rows.buried.iter().zip(&self.lobe).filter(|(buried, lobe)| **buried && **lobe < 0);
+            own.count()
+        })
     }
 
     /// The rows of a transport: with what the materials say of each, albedo (rows, 3) float32 and material (rows,) uint16.

@@ -7,7 +7,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::precompute::{DirectPass as Direct, Pass, probe, survey, tile};
+use crate::precompute::{DirectPass as Direct, Pass, contrast, probe, survey, tile};
 use crate::scene::rays::Tracer;
 use crate::scene::{Faces, Mesh, PixelSampling, Receivers as Rows, Shading, Surfaces, Vertices};
 use crate::transport::{Measure, Truncation};
@@ -197,6 +197,20 @@ impl DirectPass {
             edge_rays: rays.edge,
             open_rays: rays.open,
         })
+    }
+
+    /// How much the rows of pairs (n, 2) uint32 differ, relative to the norm of rows in the mean: (n,) float32.
+    #[pyo3(signature = (pairs, *, progress = None))]
+    fn contrast(
+        &self,
+        py: Python<'_>,
+        pairs: PyReadonlyArray2<'_, u32>,
+        progress: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Py<PyArray1<f32>>> {
+        let pairs: Vec<[u32; 2]> =
+            pairs.as_array().rows().into_iter().map(|row| [row[0], row[row.len() - 1]]).collect();
+        let apart = interruptible(py, progress, |watch| contrast(&self.0, &pairs, &|rows| watch.advance(rows)))?;
+        Ok(apart.into_pyarray(py).unbind())
     }
 
     /// Numbers for each row and column that the pass makes.

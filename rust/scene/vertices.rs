@@ -28,6 +28,8 @@ const CREASE: f64 = 0.766;
 const ONE_NORMAL: f64 = 1.0 / 4096.0;
 /// Off the plane of a neighbouring surface that meets this one in the vertex, in lifts.
 const INWARDS: f64 = 2.0;
+/// What a unit of a normal counts for where a neighbour is looked for: the other side of a sheet is none, however near.
+const ONE_SIDE: f64 = 4.0;
 /// No row.
 pub const NONE: u32 = u32::MAX;
 
@@ -273,9 +275,11 @@ fn shown(pieces: &Pieces, rows: &[Row], places: &[Point], buried: &[bool]) -> Ve
     }
     let mut room = Vec::new();
     for [free, hidden] in of_piece.into_values().filter(|[free, hidden]| !free.is_empty() && !hidden.is_empty()) {
-        let near = Near::new(free.iter().map(|&number| (places[number as usize].place, [0.0; 3])), 0.0);
+        let key = |number: u32| (places[number as usize].place, places[number as usize].normal);
+        let near = Near::new(free.iter().map(|&number| key(number)), ONE_SIDE);
         for number in hidden {
-            near.nearest(places[number as usize].place, [0.0; 3], 1, &mut room);
+            let (place, normal) = key(number);
+            near.nearest(place, normal, 1, &mut room);
             if let Some(&(_, nearest)) = room.first() {
                 shown[number as usize] = free[nearest as usize];
             }

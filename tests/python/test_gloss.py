@@ -8,8 +8,10 @@ from pathlib import Path
 import deltalux as dl
 import numpy as np
 import pytest
-from deltalux import brdf
+from deltalux import _core, brdf
+from deltalux.precomputation.between import between, linked
 from deltalux.precomputation.factoring import MOST, factored
+from deltalux.precomputation.preparation import Prepared, Request
 from deltalux.transport.gloss import Gloss
 
 MODELS = {
@@ -118,6 +120,9 @@ def test_what_a_scene_does_not_need_is_left_out(tmp_path):
     V = off.coefficients(dl.Environment.builtin("sky"))
     assert "rows of glossy lobes" in str(off.plan) and len(off.receivers) == 144
     np.testing.assert_array_equal(off.multiply(V), plain.multiply(V))
+    # Another camera is not asked for what the first was not.
+    again = off.for_camera(off.camera, tmp_path / "again.transport", progress=False)
+    np.testing.assert_array_equal(again.multiply(V), off.multiply(V))
 
 
 def test_other_views_of_glossy_scenes(tmp_path):
@@ -145,6 +150,8 @@ def test_a_measured_material_has_three_rows(tmp_path):
     np.testing.assert_allclose(picture[order], expected, rtol=0.02)
     with pytest.raises(ValueError, match="keeps its scene"):
         _ = transport.surface
+    with pytest.raises(ValueError, match="a material is measured"):
+        made(tmp_path / "v.transport", tile(dl.Material(0.9, 0.8, model)), receivers="vertices")
 
 
 def test_a_million_frames_leave_the_bits_of_a_fresh_product(tmp_path):
@@ -193,8 +200,9 @@ def test_scenes_take_materials():
     ]:
         with pytest.raises(ValueError, match=words):
             dl.Scene.from_arrays(square, triangles, **options)
-    with pytest.raises(ValueError, match="a material from 0 to 1"):
-        scene.with_material(2, a)
+    for number in (2, -1, "0"):
+        with pytest.raises(ValueError, match="a material from 0 to 1"):
+            scene.with_material(number, a)
 
 
 # --- seen from anywhere -----------------------------------------------------------------------------------------------
@@ -283,6 +291,39 @@ def test_forged_factors_are_refused(tmp_path):
         "base": arrays["base"] * 0 + 9,
         "factor": arrays["factor"] * 0 + 7,
         "eye.00000": arrays["eye.00000"].astype(np.float64),
+        "eye.00000 of one number": np.array(1, np.float32),
+        "eye.00000 without rings": arrays["eye.00000"][:, :0],
+        "eye.00000 of no numbers": arrays["eye.00000"] * np.float32(np.nan),
     }.items():
+        name = name.split()[0]
         with pytest.raises(ValueError, match="expected"):
             Gloss.of({**arrays, name: forged}, transport.receivers)
+    with pytest.raises(ValueError, match="factors of lobes"):
+        transport.clustered(tmp_path / "c.transport", clusters=2, representatives=1)
+    assert not list(tmp_path.glob("c.*"))
+
+
+def test_what_a_lobe_takes_from_nodes_is_its_albedo(tmp_path):
+    """Inside a closed box every ray of a lobe meets something: weights are as many 4,096ths as the lobe reflects."""
+    x = np.array([[i, j, k] for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)], float)
+    sides = [(0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5)]
+    triangles = [t for a, b, c, d in sides for t in ((a, b, c), (a, c, d))]
+    camera = dl.Camera((0.2, 0.3, 0.9), (0, -1, -0.4), vertical_fov=50, width=10, height=10)
+    model = brdf.GGX(0.5, n=1.5)
+    scene = dl.Scene.from_arrays(x, triangles, camera=camera, materials=[dl.Material(0.5, 1, model)])
+    prepared = Prepared(scene, Request("haar:4", "preview", between=between(1, 1e-3, "auto")))
+    sources = prepared.between.sources(lambda done: None)
+    links = linked(sources, prepared.core, prepared.rows, prepared.settings, lambda done: None)
+    assert links.gathering[3] == (prepared.rows.lobe >= 0).sum() == 100
+    # Nodes that shine by 1: what rows take is the sum of their weights.
+    rows, nodes = len(prepared.rows), 2 * len(sources)
+    core = [_core.Transport.from_dense(np.zeros((rows, 6)), columns="haar:1")]
+    core.append(_core.Transport.from_dense(np.ones((nodes, 6)), columns="haar:1"))
+    V = np.zeros((1, 6, 3))
+    V[0, 0] = 1
+    taken = _core.Transport.join(core, links.link).multiply(V)[0, 100:, 0]
+    table = prepared.rows.table(prepared.albedo(), np.zeros(rows, np.uint16))
+    way = np.array(camera.position) - table.position[100:]
+    wo = np.einsum("rk,rk->r", way / np.linalg.norm(way, axis=1, keepdims=True), table.normal[100:])
+    expected = model.albedo(np.stack([np.sqrt(1 - wo**2), 0 * wo, wo], -1))
+    assert abs(taken.mean() / expected.mean() - 1) < 0.02

@@ -13,6 +13,7 @@ import oracles
 import pytest
 import trimesh
 from deltalux.io import to_display
+from deltalux.precomputation.refining import refined
 
 HAAR = dl.Haar(8)
 
@@ -183,6 +184,41 @@ def test_other_files_are_refused(tmp_path, vertices):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_what_is_buried_keeps_its_place_in_the_mesh(tmp_path):
+    """A post that stands in a block: its foot is inside, shows the light above, and stays where it is."""
+
+    def box(low, high):
+        x = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)]) * (np.array(high) - low) + low
+        sides = [(0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5)]
+        return x, [t for a, b, c, d in sides for t in ((a, b, c), (a, c, d))]
+
+    points, triangles = oracles.merged(box((-1, -1, -1), (1, 0, 1)), box((-0.2, -0.5, -0.2), (0.2, 1.5, 0.2)))
+    camera = dl.Camera((3, 2, 4), (0, 0.3, 0), vertical_fov=40, width=24, height=24)
+    both = dl.Scene.from_arrays(points, triangles, camera=camera)
+    transport = made(tmp_path / "a.transport", both, receivers="vertices")
+    assert transport.receivers.buried.sum() == 12 and "12 buried vertices" in str(transport.plan)
+    B = response(transport)
+    transport.save_colours(tmp_path / "a.ply", B)
+    mesh = trimesh.load(tmp_path / "a.ply", process=False)
+    assert mesh.area == pytest.approx(triangle_areas(both).sum(), rel=1e-5)
+    assert (transport.colours(B) > 0).all()
+    with pytest.raises(ValueError, match="exposure"):
+        transport.save_colours(tmp_path / "a.ply", B, exposure=2000)
+    with pytest.raises(ValueError, match=r"expected a dl\.Camera"):
+        transport.render("front", B)
+
+
+def test_the_inside_of_what_is_closed_is_dark(tmp_path):
+    box = trimesh.creation.box((2, 2, 2))
+    inside = dl.Camera((0, 0, 0), (0, 0, -1), width=8, height=8)
+    closed = dl.Scene.from_arrays(box.vertices, box.faces, camera=inside)
+    transport = made(tmp_path / "a.transport", closed, receivers="vertices")
+    assert len(transport.receivers) == 24
+    B = response(transport)
+    assert transport.image(B).max() == 0
+    assert transport.render(dl.Camera((4, 3, 5), (0, 0, 0), width=8, height=8), B).max() > 0
+
+
 # --- other cameras ----------------------------------------------------------------------------------------------------
 
 
@@ -205,6 +241,23 @@ def test_another_camera_is_near_what_is_made_for_it(tmp_path, pixels):
     direct = made(tmp_path / "c.transport", scene().with_camera(camera))
     indirect = b - direct.image(response(direct, "hall"), env)
     assert np.abs(a - b).mean() < 0.1 * np.abs(indirect).mean()
+
+
+def test_runs_over_other_nodes_are_not_mixed(tmp_path, pixels, monkeypatch):
+    """An interrupted run over the nodes of one transport leaves nothing to that over another one's."""
+    more = made(tmp_path / "more.transport", scene(), bounces=6)
+    camera = dl.Camera((-1.0, 1.4, 1.9), (0, 0.2, 0), vertical_fov=40, width=20, height=20)
+
+    def stop(self, plan):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("deltalux.precomputation.run._Run.finish", stop)
+        with pytest.raises(KeyboardInterrupt):
+            pixels.for_camera(camera, tmp_path / "a.transport", progress=False)
+    resumed = more.for_camera(camera, tmp_path / "a.transport", progress=False)
+    fresh = more.for_camera(camera, tmp_path / "b.transport", progress=False)
+    np.testing.assert_array_equal(response(resumed), response(fresh))
 
 
 def test_questions_to_the_wrong_rows(tmp_path, pixels, vertices):
@@ -255,3 +308,50 @@ def test_surfaces_come_back_as_they_were(tmp_path):
     np.testing.assert_array_equal(transport.surface.textures[0], picture)
     at = ([0, 1], [[0.2, 0.3], [0.1, 0.6]])
     np.testing.assert_array_equal(transport.surface.albedo_at(*at), textured.albedo_at(*at))
+
+
+# --- refinement -------------------------------------------------------------------------------------------------------
+
+
+def test_refinement_splits_where_a_shadow_falls(tmp_path):
+    coarse = scene(2)
+    fine = refined(coarse, 0.004, "smooth")
+    assert 200 < len(fine.triangles) < 20_000
+    # The same surface: no area is lost, no corner hangs on a neighbour's edge, materials stay.
+    area = [triangle_areas(s).sum() for s in (coarse, fine)]
+    assert area[0] == pytest.approx(area[1], rel=1e-12)
+    ground = fine.triangles[(fine.vertices[fine.triangles][:, :, 1] == 0).all(axis=1)]
+    places = np.unique(fine.vertices, axis=0, return_inverse=True)[1].reshape(-1)[ground]
+    edges = np.sort(np.stack([places, np.roll(places, -1, axis=1)], -1).reshape(-1, 2), axis=1)
+    edges, count = np.unique(edges, axis=0, return_counts=True)
+    corners = np.unique(fine.vertices, axis=0)[edges]
+    border = (np.abs(corners[:, :, [0, 2]]) == 1.0).all(axis=1).any(axis=1)
+    assert (count[~border] == 2).all() and (count[border] == 1).all()
+    # Finest near the lid's shadow, coarse at the rim.
+    middle = fine.vertices[ground].mean(axis=1)
+    near = np.linalg.norm(middle[:, [0, 2]], axis=1) < 0.6
+    assert np.mean(triangle_areas(fine)[: len(ground)][near]) < 0.5 * np.mean(
+        triangle_areas(fine)[: len(ground)][~near]
+    )
+    plain = made(tmp_path / "a.transport", coarse, receivers="vertices")
+    better = made(tmp_path / "b.transport", coarse, receivers="vertices", refine=0.004)
+    truth = made(tmp_path / "c.transport", coarse)
+    pictures = [t.image(response(t)) for t in (plain, better, truth)]
+    off = [np.abs(picture - pictures[2]).mean() for picture in pictures[:2]]
+    assert off[1] < 0.3 * off[0] and "triangles of refinement" in str(better.plan)
+
+
+def triangle_areas(of: dl.Scene) -> np.ndarray:
+    p = of.vertices[of.triangles]
+    return 0.5 * np.linalg.norm(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=1)
+
+
+@pytest.mark.parametrize("refine", [0, -1.0, 2.0, "fine", True, float("nan")])
+def test_refinement_is_checked(tmp_path, refine):
+    with pytest.raises(ValueError, match="refine"):
+        made(tmp_path / "a.transport", scene(1), receivers="vertices", refine=refine)
+
+
+def test_pixels_are_not_refined(tmp_path):
+    with pytest.raises(ValueError, match="refine with receivers"):
+        made(tmp_path / "a.transport", scene(1), refine=0.1)

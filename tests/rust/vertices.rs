@@ -99,6 +99,26 @@ fn what_lies_inside_something_else_is_buried_and_shows_its_neighbour() {
 }
 
 #[test]
+fn a_buried_vertex_of_a_sheet_shows_its_own_side() {
+    // A block on a sheet of 4 x 4 cells: what is under it is inside, and the other side of the sheet is not.
+    let at = |k: u32| -2.0 + f64::from(k);
+    let sheet: Vec<[f64; 3]> = (0..25).map(|k| [at(k % 5), 0.0, at(k / 5)]).collect();
+    let cell = |k: u32| k / 4 * 5 + k % 4;
+    let halves: Vec<[u32; 3]> = (0..16).map(cell).flat_map(|a| [[a, a + 5, a + 6], [a, a + 6, a + 1]]).collect();
+    let (vertices, triangles) = joined(&[(sheet, halves), cube([0.0, 1.0, 0.0], 1.2, 0)]);
+    let rows = found(&vertices, &triangles, Shading::Smooth, None);
+    let under = (0..rows.len()).filter(|&row| rows.vertex[row] < 25 && rows.buried[row]);
+    let mut count = 0;
+    for row in under {
+        let shown = rows.shown[row] as usize;
+        assert!(rows.places[row].normal[1] * rows.places[shown].normal[1] > 0.0 && !rows.buried[shown]);
+        count += 1;
+    }
+    // The nine in the middle, from above; from below too, as the block reaches through.
+    assert_eq!(count, 18);
+}
+
+#[test]
 fn a_round_body_has_one_row_a_vertex_and_the_normals_that_it_brings() {
     let (columns, lines) = (24, 12);
     let mut vertices = Vec::new();

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -43,11 +44,14 @@ class Measured:
         What the file says of the material, if it says something.
     clamped : int
         Numbers of the table that were negative, which no surface is, and were set to 0.
+    digest : str
+        Of the file, 64 hexadecimal digits (BLAKE2b): what tells materials apart.
     """
 
     _core: Core = field(repr=False)
     description: str
     clamped: int
+    digest: str = field(default="", repr=False)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Measured:
@@ -71,7 +75,8 @@ class Measured:
             If it cannot be read.
         """
         try:
-            return cls(*_material(Path(path).read_bytes()))
+            data = Path(path).read_bytes()
+            return cls(*_material(data), hashlib.blake2b(data, digest_size=32).hexdigest())
         except ValueError as error:
             raise FileError(f"{os.fspath(path)}: {error}") from None
 

@@ -57,6 +57,9 @@ def add(commands: Any) -> None:
     command.add_argument(
         "--normals", choices=("smooth", "flat"), default="smooth", help="of vertices; default: %(default)s"
     )
+    command.add_argument(
+        "--refine", type=float, metavar="SHARE", help="split edges where vertices differ by more, such as 0.01"
+    )
     command.add_argument("--plan", action="store_true", help="only say what would be computed and what it would cost")
 
     command = add_command(commands, "info", _info, "what a transport holds")
@@ -70,7 +73,15 @@ def _precompute(chosen: argparse.Namespace) -> None:
         check_folder_of(Path(chosen.output))
     scene = scene_of(chosen)
     bounces = between(chosen.bounces, chosen.residual, chosen.nodes)
-    asked = Request(chosen.columns, chosen.quality, chosen.tolerance, chosen.receivers, chosen.normals, bounces)
+    asked = Request(
+        chosen.columns,
+        chosen.quality,
+        chosen.tolerance,
+        chosen.receivers,
+        chosen.normals,
+        bounces,
+        refine=chosen.refine,
+    )
     request = Precomputation(scene, asked)
     say(request.plan)
     if chosen.output is not None and not chosen.plan:

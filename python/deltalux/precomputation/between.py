@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .._core import Bounces, Links, Receivers, Sources, TileData
+from .._core import Bounces, FileError, Links, Receivers, Sources, TileData
 from .._core import Camera as Rays
 from .._core import Nodes as CoreNodes
 from .._core import Scene as CoreScene
@@ -192,9 +194,11 @@ class KnownNodes:
         if part is None or kept is None or transport.solve is None:
             raise ValueError("expected a transport that keeps its nodes")
         self.columns, self._rows, self.channels, self._quantum, self._width, self._tile_rows, self._tiles = part
-        self._kept, self._solve, self.bounces = kept["kept"], transport.solve, transport.bounces
+        self._kept, self._solve, self.bounces = _nodes_of(kept, self._rows), transport.solve, transport.bounces
         # By what they are, not by where they lie.
-        self.name = hashlib.blake2b(self._kept.tobytes(), digest_size=16).hexdigest()
+        sizes = [size for name, size in transport.files if name.startswith("tiles-nodes")]
+        about = repr((self._solve, self.bounces, self.columns, self._quantum, self._width, sizes))
+        self.name = hashlib.blake2b(self._kept.tobytes() + about.encode(), digest_size=16).hexdigest()
 
     def __len__(self) -> int:
         return len(self._kept)
@@ -211,6 +215,14 @@ class KnownNodes:
     def rows(self, links: Links, threshold: float, quantum: int, progress: Callable[[int], None]) -> NodePart:
         """Their rows as they are."""
         return NodePart(self._tiles, self._rows, self._quantum, self._width, self._tile_rows, 0, self._solve)
+
+
+def _nodes_of(arrays: Mapping[str, NDArray[Any]], rows: int) -> NDArray[np.float64]:
+    """The kept nodes of a file, whoever wrote it: two rows each."""
+    kept = arrays.get("kept")
+    if kept is None or kept.dtype != np.float64 or kept.ndim != 2 or 2 * len(kept) != rows:
+        raise FileError(f"nodes.safetensors: expected kept of float64 for each of {rows // 2} nodes")
+    return kept
 
 
 Nodes = PlacedNodes | KnownNodes

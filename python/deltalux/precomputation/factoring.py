@@ -15,8 +15,7 @@ import numpy as np
 from numpy.polynomial.legendre import legval
 from numpy.typing import NDArray
 
-from ..brdf import Measured
-from ..surface.material import Lobe
+from ..brdf import Model
 
 __all__ = ["MOST", "Factored", "factored"]
 
@@ -55,7 +54,7 @@ class Factored:
         return len(self.light)
 
 
-def factored(model: Lobe, factors: int | str, colour: int = 0) -> Factored:
+def factored(model: Model, factors: int | str) -> Factored:
     """Factors of a lobe.
 
     Parameters
@@ -64,20 +63,18 @@ def factored(model: Lobe, factors: int | str, colour: int = 0) -> Factored:
         The lobe.
     factors
         "auto": as few as leave a tenth, at most `MOST`; or how many.
-    colour
-        Of a measured lobe: 0, 1 or 2.
 
     Returns
     -------
     Factored
     """
-    half_width = _half_width(model, colour)
+    half_width = _half_width(model)
     rings = int(np.clip(np.ceil(np.pi / half_width), _RINGS, _FINEST))
-    turns = _turns(model, colour)
+    turns = _turns(model)
     if turns:
-        energies, light, eye = _by_frequency(model, colour, rings)
+        energies, light, eye = _by_frequency(model, rings)
     else:
-        energies, light, eye = _dense(model, colour, min(rings, _DENSE))
+        energies, light, eye = _dense(model, min(rings, _DENSE))
     order = np.argsort(-energies, kind="stable")
     total = energies.sum()
     left = np.sqrt(np.clip(1 - np.concatenate([[0.0], np.cumsum(energies[order])]) / total, 0, 1))
@@ -92,31 +89,30 @@ def factored(model: Lobe, factors: int | str, colour: int = 0) -> Factored:
     return Factored((sign * g).astype(np.float32), (sign * h).astype(np.float32), left)
 
 
-def _values(model: Lobe, colour: int, wi: NDArray[np.float64], wo: NDArray[np.float64]) -> NDArray[np.float64]:
-    """f cos, of one colour."""
-    f = model.evaluate(wi, wo)
-    return (f[..., colour] if isinstance(model, Measured) else f) * wi[..., 2]
+def _values(model: Model, wi: NDArray[np.float64], wo: NDArray[np.float64]) -> NDArray[np.float64]:
+    """f cos."""
+    return model.evaluate(wi, wo) * wi[..., 2]
 
 
 def _directions(theta: NDArray[np.float64], phi: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack(np.broadcast_arrays(np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)), -1)
 
 
-def _half_width(model: Lobe, colour: int) -> float:
+def _half_width(model: Model) -> float:
     """Of the lobe at 30 degrees, in its plane of incidence."""
     off = np.linspace(0, np.pi / 3, 2000)
     wi = _directions(np.radians(30.0) - off, np.array(np.pi))
-    values = _values(model, colour, wi, _directions(np.radians(30.0), np.array(0.0))) / wi[:, 2]
+    values = _values(model, wi, _directions(np.radians(30.0), np.array(0.0))) / wi[:, 2]
     below = np.flatnonzero(values < 0.5 * values[0])
     return float(off[below[0]]) if len(below) else np.pi / 3
 
 
-def _turns(model: Lobe, colour: int) -> bool:
+def _turns(model: Model) -> bool:
     """Whether only the difference of azimuths counts."""
     rng = np.random.default_rng(1)
     theta, phi, turn = np.arccos(rng.random((2, 200))), rng.random((2, 200)) * 2 * np.pi, rng.random(200) * 2 * np.pi
-    plain = _values(model, colour, *(_directions(theta[k], phi[k]) for k in (0, 1)))
-    turned = _values(model, colour, *(_directions(theta[k], phi[k] + turn) for k in (0, 1)))
+    plain = _values(model, *(_directions(theta[k], phi[k]) for k in (0, 1)))
+    turned = _values(model, *(_directions(theta[k], phi[k] + turn) for k in (0, 1)))
     return bool(np.allclose(plain, turned, rtol=1e-6, atol=1e-9 * plain.max()))
 
 
@@ -138,14 +134,14 @@ def _prior(cosine: NDArray[np.float64], rings: int) -> NDArray[np.float64]:
 _Table = Callable[[NDArray[np.intp]], NDArray[np.float64]]
 
 
-def _by_frequency(model: Lobe, colour: int, rings: int) -> tuple[NDArray[np.float64], _Table, _Table]:
+def _by_frequency(model: Model, rings: int) -> tuple[NDArray[np.float64], _Table, _Table]:
     """Each frequency of the azimuth by itself: blocks of rings x rings."""
     theta, phi, solid = _grid(rings)
     columns = len(phi)
     step = 2 * np.pi * np.arange(columns) / columns
     wi = _directions(theta[:, None, None], step[None, None, :])
     wo = _directions(theta[None, :, None], np.zeros((1, 1, columns)))
-    lobe = _values(model, colour, *np.broadcast_arrays(wi, wo))
+    lobe = _values(model, *np.broadcast_arrays(wi, wo))
     prior = _prior(np.clip((wi * wo).sum(-1), -1, 1), rings)
     # Even in the difference: their transforms are real.
     blocks, priors = (np.fft.rfft(kernel, axis=2).real for kernel in (lobe, prior))
@@ -169,12 +165,12 @@ def _by_frequency(model: Lobe, colour: int, rings: int) -> tuple[NDArray[np.floa
     return np.array(energies), table(0), table(1)
 
 
-def _dense(model: Lobe, colour: int, rings: int) -> tuple[NDArray[np.float64], _Table, _Table]:
+def _dense(model: Model, rings: int) -> tuple[NDArray[np.float64], _Table, _Table]:
     """All pairs of directions at once."""
     theta, phi, solid = _grid(rings)
     at = _directions(theta[:, None], phi[None, :]).reshape(-1, 3)
     weights = np.repeat(solid, len(phi))
-    lobe = np.stack([_values(model, colour, at, np.broadcast_to(eye, at.shape)) for eye in at], axis=1)
+    lobe = np.stack([_values(model, at, np.broadcast_to(eye, at.shape)) for eye in at], axis=1)
     root = np.sqrt(weights)
     seen = weights[:, None] * lobe * root
     values, vectors = np.linalg.eigh(seen.T @ _prior(np.clip(at @ at.T, -1, 1), rings) @ seen)

@@ -14,12 +14,14 @@ from ..transport.plan import Cost, LeftOut, Part, Plan
 from .preparation import BUNDLE, QUANTUM, Prepared, Survey, surveyed_bundles
 from .room import INTERPRETER, PIXEL, TRIANGLE
 
-__all__ = ["DIRECT", "NODES", "make_plan", "said"]
+__all__ = ["DIRECT", "GLOSS", "NODES", "make_plan", "said"]
 
 DIRECT = "direct"
 """The part, and the pass, of light that arrives directly."""
 NODES = "nodes"
 """The part, and the pass, of light between surfaces."""
+GLOSS = "rows of glossy lobes"
+"""What plans call them where they are left out."""
 
 # Seconds of the probe, and bundles that are surveyed for it.
 _PROBE = 0.8
@@ -31,6 +33,8 @@ _SCATTER = 0.1
 # Of light between surfaces: rays and bytes of a receiver's links, different nodes met by a ray, cells of nodes that are
 # traced as one bundle, products where all bounces are asked, and multiply-adds of a thread in a second.
 _LINK_RAYS, _LINK_BYTES, _APART, _CELLS_A_BUNDLE, _ALL_PRODUCTS, _FLOPS = 70, 30, 0.3, 16, 20, 6e9
+# The same of a lobe, at most: four nodes around what each of its rays meets.
+_LOBE_RAYS, _LOBE_BYTES = 256, 6 * 4 * 256
 # A plan is held to this on an idle machine (`benches/plan.py`).
 _AT_MOST = 0.3
 
@@ -61,7 +65,7 @@ def make_plan(prepared: Prepared) -> Plan:
         column_count=columns.columns,
         bands=int(columns.bands[-1]) + 1,
         channels=prepared.direct.channels,
-        factors=max([1, *(own.count for colours in prepared.factored.values() for own in colours)]),
+        factors=max([1, *(own.count for own in prepared.factored.values())]),
         bounces=0,
         why=f"light of {6 * columns.face**2:,} texels that arrives directly{_texels(prepared, probe)}",
         cost=_cost(
@@ -103,13 +107,12 @@ def _materials(prepared: Prepared) -> str:
 def _factors(prepared: Prepared) -> list[str]:
     """What factors leave of each lobe, and what four would."""
     said = []
-    for number, colours in prepared.factored.items():
-        for own in colours:
-            left, four = (100 * own.left[min(count, len(own.left) - 1)] for count in (own.count, 4))
-            said.append(
-                f"material {number}, {prepared.scene.models[number]}: {own.count} factors leave {left:.0f} % of a "
-                f"highlight under natural light (4: {four:.0f} %)"
-            )
+    for number, own in prepared.factored.items():
+        left, four = (100 * own.left[min(count, len(own.left) - 1)] for count in (own.count, 4))
+        said.append(
+            f"material {number}, {prepared.scene.models[number]}: {own.count} factors leave {left:.0f} % of a "
+            f"highlight under natural light (4: {four:.0f} %)"
+        )
     return said
 
 
@@ -117,6 +120,8 @@ def _found(prepared: Prepared) -> dict[str, int]:
     """What was put right in the scene, and what its vertices are."""
     return {
         **prepared.scene.counts,
+        "triangles of refinement, where rows of vertices differ": len(prepared.scene.triangles)
+        - prepared.own_triangles,
         "buried vertices, which see nothing and show their neighbour": prepared.rows.buried,
     }
 
@@ -142,7 +147,8 @@ def _nodes(prepared: Prepared, probe: _Probe) -> list[Part]:
     )
     # Nodes that are known are neither traced nor solved.
     solved = nodes if own.rays else 0
-    rays = solved * prepared.settings.node_rays**2 + prepared.count * _LINK_RAYS
+    lobes = int((prepared.rows.lobe >= 0).sum()) if prepared.request.receivers == "pixels" else 0
+    rays = solved * prepared.settings.node_rays**2 + prepared.count * _LINK_RAYS + lobes * _LOBE_RAYS
     pairs = solved * prepared.settings.node_rays**2 * probe.hit_share * _APART
     products = bounces if bounces > 0 else _ALL_PRODUCTS
     solving = 2.0 * pairs * columns.columns * products * own.channels / (_FLOPS * used_threads())
@@ -153,6 +159,7 @@ def _nodes(prepared: Prepared, probe: _Probe) -> list[Part]:
     entry = entry_bytes(prepared.settings.width, own.channels)
     # Of each node its irradiance and its radiosity.
     matrix = 2 * nodes / GROUP * probe.survey.looked.entries_per_group * entry + prepared.count * _LINK_BYTES
+    matrix += lobes * _LOBE_BYTES
     cost = Cost(
         rays=rays + solved / _CELLS_A_BUNDLE * (probe.first_rays + probe.edge_rays),
         bytes_on_disk=matrix,
@@ -271,7 +278,7 @@ def _left_out(prepared: Prepared, probe: _Probe, part: Part) -> list[LeftOut]:
         view = "one view, and " if prepared.request.receivers == "pixels" else ""
         left_out.append(LeftOut("view factors", f"{view}{materials}"))
     if scene.models and not prepared.glossy:
-        left_out.append(LeftOut("rows of glossy lobes", "not asked for"))
+        left_out.append(LeftOut(GLOSS, "not asked for"))
     if prepared.factored and prepared.between is not None:
         left_out.append(LeftOut("reflections of surfaces", "factors of a lobe may be negative, weights of nodes not"))
     if prepared.texels_left_out:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from .._core import DirectPass, Looked, Receivers
-from ..brdf import Measured
+from ..brdf import Measured, Model
 from ..checks import count
 from ..columns import Columns, Haar, parse
 from ..scene.scene import Scene
@@ -20,6 +20,7 @@ from .between import Between, KnownNodes, Nodes, PlacedNodes
 from .factoring import Factored, factored
 from .lights import lights
 from .quality import QUALITIES, Quality
+from .refining import refined
 from .room import check_request
 
 __all__ = ["BUNDLE", "COLUMNS", "QUANTUM", "Prepared", "Request", "Survey", "surveyed_bundles"]
@@ -57,7 +58,7 @@ class Request:
 
     Attributes
     ----------
-    columns, quality, tolerance, receivers, normals, gloss, factors
+    columns, quality, tolerance, receivers, normals, gloss, factors, refine
         As for `precompute`.
     between
         Of light between surfaces; None: nothing.
@@ -71,8 +72,14 @@ class Request:
     between: Between | None = None
     gloss: bool = True
     factors: int | str = "auto"
+    refine: float | None = None
 
     def __post_init__(self) -> None:
+        if self.refine is not None:
+            if self.receivers != "vertices":
+                raise ValueError('expected refine with receivers="vertices" only, got pixels')
+            if isinstance(self.refine, bool) or not isinstance(self.refine, Real) or not 0 < self.refine < 1:
+                raise ValueError(f"expected refine above 0 and below 1, got {self.refine!r}")
         if isinstance(self.factors, str):
             if self.factors != "auto":
                 raise ValueError(f'expected factors to be "auto" or how many, got {self.factors!r}')
@@ -100,6 +107,11 @@ class Prepared:
     clock: Callable[[], float] = staticmethod(time.perf_counter)
 
     def __init__(self, scene: Scene, request: Request, known: KnownNodes | None = None) -> None:
+        check_request(scene)
+        _check_materials(scene, request)
+        self.own_triangles = len(scene.triangles)
+        if request.refine is not None:
+            scene = refined(scene, float(request.refine), request.normals)
         self.scene, self.request = scene, request
         columns = request.columns
         self.columns = parse(columns) if isinstance(columns, str) else columns
@@ -109,9 +121,8 @@ class Prepared:
         if self.texels_left_out:
             self.columns = Haar(self.columns.face)
         self.quality, self.settings = request.quality, _settings(request.quality, request.tolerance)
-        check_request(scene)
         self.core = scene.traced()
-        self.factored: dict[int, list[Factored]] = {}
+        self.factored: dict[int, Factored] = {}
         self.camera = scene.camera.rays()
         self.rows = self._found()
         self.count = len(self.rows)
@@ -144,13 +155,11 @@ class Prepared:
         if not self.glossy:
             return rows
         for number, model in enumerate(scene.models):
-            if model is not None:
-                colours = range(len(lobe_colours(model)))
-                self.factored[number] = [factored(model, self.request.factors, colour) for colour in colours]
+            if isinstance(model, Model):
+                self.factored[number] = factored(model, self.request.factors)
         nothing = np.zeros((0, 1, 1), np.float32)
         tables = [
-            _stacked([own.light for own in self.factored[number]]) if number in self.factored else nothing
-            for number in range(len(scene.albedo))
+            self.factored[number].light if number in self.factored else nothing for number in range(len(scene.albedo))
         ]
         return rows.factored(scene.material[rows.triangle], tables)
 
@@ -159,12 +168,11 @@ class Prepared:
         scene, rows = self.scene, self.rows
         albedo = scene.albedo_at(rows.triangle, rows.barycentric)
         lobe, material = rows.lobe, scene.material[rows.triangle]
-        if scene.specular is not None and (lobe >= 0).any():
+        if scene.specular is not None:
             for number, model in enumerate(scene.models):
                 of = lobe_colours(model)
                 if number in self.factored:
-                    own = zip(of, self.factored[number], strict=True)
-                    of = [colour for colour, factors in own for _ in range(factors.count)]
+                    of = of * self.factored[number].count
                 for place, colour in enumerate(of):
                     albedo[(material == number) & (lobe == place)] = scene.specular[number] * colour
                 if isinstance(model, Measured):
@@ -179,7 +187,7 @@ class Prepared:
         shown = {"corners": rows.corners, "shown": rows.shown}
         if not self.factored:
             return shown
-        eyes = {f"eye.{number:05}": _stacked([own.eye for own in factors]) for number, factors in self.factored.items()}
+        eyes = {f"eye.{number:05}": factors.eye for number, factors in self.factored.items()}
         return shown | {"base": rows.base, "factor": rows.lobe.astype(np.uint32)} | eyes
 
     @property
@@ -224,12 +232,18 @@ class Prepared:
         return Survey(found, errors, without)
 
 
+_MOST_MATERIALS = 65_535
+
+
+def _check_materials(scene: Scene, request: Request) -> None:
+    """Refuses what rows cannot tell apart, and what vertices cannot show."""
+    if len(scene.albedo) > _MOST_MATERIALS:
+        raise ValueError(f"expected at most {_MOST_MATERIALS:,} materials, got {len(scene.albedo):,}")
+    if request.receivers == "vertices" and any(isinstance(model, Measured) for model in scene.models):
+        raise ValueError("expected models of lobes for vertices, but a material is measured: take pixels, or a model")
+
+
 _ONE = np.ones(3, np.float32)
-
-
-def _stacked(tables: list[np.ndarray]) -> np.ndarray:
-    """One below the other, in C order."""
-    return np.ascontiguousarray(np.concatenate(tables))
 
 
 def lobes_of(model: Lobe | None) -> list[Any]:

@@ -39,6 +39,7 @@ def plan(
     normals: str = "smooth",
     gloss: bool = True,
     factors: int | str = "auto",
+    refine: float | None = None,
 ) -> Plan:
     """What `precompute` would compute and leave out, and what it would cost.
 
@@ -48,7 +49,7 @@ def plan(
     ----------
     scene
         Geometry, materials and camera.
-    columns, quality, tolerance, bounces, residual, nodes, receivers, normals, gloss, factors
+    columns, quality, tolerance, bounces, residual, nodes, receivers, normals, gloss, factors, refine
         As for `precompute`.
 
     Returns
@@ -62,7 +63,9 @@ def plan(
         As `precompute`, but for what would not fit on a disk.
     """
     asked = between(bounces, residual, nodes)
-    return Precomputation(scene, Request(columns, quality, tolerance, receivers, normals, asked, gloss, factors)).plan
+    return Precomputation(
+        scene, Request(columns, quality, tolerance, receivers, normals, asked, gloss, factors, refine)
+    ).plan
 
 
 def precompute(
@@ -79,6 +82,7 @@ def precompute(
     normals: str = "smooth",
     gloss: bool = True,
     factors: int | str = "auto",
+    refine: float | None = None,
     progress: bool | Progress = True,
 ) -> Transport:
     """Ray traces the light transport of a scene into a directory, and opens it.
@@ -115,12 +119,17 @@ def precompute(
         Of vertices: "smooth", as the scene brings them, else the mean of the faces around by area, up to creases of 40
         degrees; or "flat".
     gloss
-        Whether materials with a lobe have rows for it, as the camera sees them; their columns are without texels. What
+        Whether materials with a lobe have rows for it, as the camera sees them (without them it is black to the eye,
+        but reflects between surfaces as if it were diffuse); their columns are without texels. What
         they reflect of other surfaces takes bounces, and is as sharp as the nodes. At vertices, which are seen from
         anywhere, lobes are sums of factors, and reflect the environment alone.
     factors
         Of a lobe at vertices: "auto", as few as leave a tenth of it under natural light, at most 24, or how many. The
         plan says what they leave.
+    refine
+        None: the mesh as it is. Above 0: edges at whose ends rows of vertices differ by more than
+        ``refine / sqrt(area)`` of a row in the mean are split, the longest first, up to 200,000 triangles or four times
+        the scene's; `area` is the share of the scene's surface in the triangles there. 0.003 is fine.
     progress
         True: a bar on standard error. A callable: progress(rows done, rows in all).
 
@@ -142,7 +151,7 @@ def precompute(
     orthonormal on the sphere.
     """
     asked = between(bounces, residual, nodes)
-    request = Request(columns, quality, tolerance, receivers, normals, asked, gloss, factors)
+    request = Request(columns, quality, tolerance, receivers, normals, asked, gloss, factors, refine)
     check_folder_of(Path(path))
     return Precomputation(scene, request).run(path, progress)
 
@@ -271,7 +280,7 @@ class _Run:
             f"{100 * self.solve.gathering:.1f} % of {prepared.count:,} receivers gather: {unspoken:,} as fewer than "
             f"two nodes speak for them, {audited:,} by the audit, {few:,} as they see four nodes at most, {glossy:,} "
             f"as they are glossy; {links.nbytes / prepared.count:.1f} bytes of links a receiver",
-            str(self.solve),
+            str(self.solve) + ("" if own.rays else "; discretisation as of the view that they were solved for"),
         ]
 
     def _tile(self, tile: int, threshold: float, looked: int, total: int) -> TileData:

@@ -11,6 +11,7 @@ from ..scene.scene import Scene
 from ..transport.makers import maker
 from ..transport.transport import Transport
 from .between import KnownNodes
+from .planning import GLOSS
 from .preparation import Request
 from .room import check_folder_of
 from .run import Precomputation
@@ -29,6 +30,7 @@ def for_camera(
     check_folder_of(Path(path))
     plan = transport.plan
     scene = Scene(**vars(transport.surface), camera=camera, name=plan.scene)
-    request = Request(str(transport.columns), plan.quality, plan.tolerance)
+    gloss = all(left_out.what != GLOSS for left_out in plan.left_out)
+    request = Request(str(transport.columns), plan.quality, plan.tolerance, gloss=gloss)
     known = KnownNodes(transport) if transport.nodes else None
     return Precomputation(scene, request, known).run(path, progress)

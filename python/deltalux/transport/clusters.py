@@ -36,6 +36,8 @@ def build(
 ) -> None:
     """Clusters the rows of a transport, and writes what comes of it; nothing is written before all is computed."""
     clusters, representatives = count("clusters", clusters), count("representatives", representatives)
+    if "base" in (source.beside("scene") or {}):
+        raise ValueError("expected rows that are shown by themselves to cluster, but these have factors of lobes")
     TransportWriter.check(path)
     rows, tell = source.rows, reporter(progress, f"{plan.scene}: clusters")
     made = Clusters(

@@ -61,13 +61,16 @@ class Gloss:
             raise ValueError(f"expected base and factor of uint32 and shape ({rows},)")
         first = int(np.count_nonzero(base == np.arange(rows)))
         behind = slice(first, rows)
-        eyes = {int(name[4:]): table for name, table in arrays.items() if name.startswith("eye.")}
+        eyes = {
+            int(name[4:]): table for name, table in arrays.items() if name.startswith("eye.") and name[4:].isdecimal()
+        }
+        for table in eyes.values():
+            if table.dtype != np.float32 or table.ndim != 3 or table.size == 0 or not np.isfinite(table).all():
+                raise ValueError("expected eyes of float32, finite, with three axes")
         own, numbers = factor[behind].astype(np.intp), material[behind].astype(np.intp)
         counts = np.array([len(eyes.get(number, ())) for number in range(int(numbers.max(initial=0)) + 1)])
         if base[behind].max(initial=0) >= max(first, 1) or (own >= counts[numbers]).any():
             raise ValueError("expected factors of vertices and of materials that are there")
-        if any(table.dtype != np.float32 or table.ndim != 3 for table in eyes.values()):
-            raise ValueError("expected eyes of float32 and three axes")
         return Gloss(
             base[behind].astype(np.intp),
             own,

@@ -39,6 +39,7 @@ __all__ = ["Transport"]
 _MANIFEST = "manifest.json"
 # In bytes that are read in the same time: choosing a column, and finding it in a tile.
 _CHOOSING, _FINDING = 64.0, 300.0
+_STOPS = 64
 
 
 class Transport:
@@ -369,7 +370,10 @@ class Transport:
         ValueError
             If the shape is wrong, the rows are no vertices, or the file keeps no scene.
         """
-        picture, behind = self._views.picture(camera, self._response(B))
+        views = self._views
+        if not isinstance(camera, Camera):
+            raise ValueError(f"expected a dl.Camera to see vertices from, got {camera!r}")
+        picture, behind = views.picture(camera, self._response(B))
         if env is not None:
             env._behind(behind, picture)
         return picture
@@ -414,9 +418,12 @@ class Transport:
         OSError
             If the disk refuses.
         """
-        receivers, colours = self.receivers, np.float32(2.0**exposure) * self.colours(B)
-        count = len(colours)
-        save_mesh(path, receivers.position[:count], receivers.normal[:count], self._views.triangles, colours)
+        if not -_STOPS <= exposure <= _STOPS:
+            raise ValueError(f"expected an exposure from -{_STOPS} to {_STOPS} stops, got {exposure}")
+        colours, receivers, views = self.colours(B), self.receivers, self._views
+        # What lies inside something has no normal of its own.
+        normal = receivers.normal[views.shown]
+        save_mesh(path, receivers.position[: len(normal)], normal, views.triangles, np.float32(2.0**exposure) * colours)
 
     @cached_property
     def surface(self) -> Surface:
@@ -506,7 +513,7 @@ class Transport:
 
     @property
     def albedo(self) -> NDArray[np.float32]:
-        """Diffuse reflectance of every row, (rows, 3)."""
+        """What the response of every row is multiplied by, (rows, 3): diffuse reflectance, or the colour of a lobe."""
         return self.receivers.albedo
 
     @property

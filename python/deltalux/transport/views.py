@@ -50,7 +50,7 @@ class Views:
     surface
         The scene.
     corners
-        (t, 6) uint32: the rows that each triangle's corners show in front, and behind.
+        (t, 6) uint32: the rows of each triangle's corners in front, and behind.
     shown
         (vertices,) uint32: the row whose light each vertex shows.
     gloss
@@ -83,9 +83,7 @@ class Views:
         there = corners != _NO_ROW
         if shown.max() >= rows or corners[there].max(initial=0) >= rows:
             raise ValueError(f"expected the corners of triangles to be rows below {rows}")
-        shows = corners.copy()
-        shows[there] = shown[corners[there]]
-        return Views(surface, shows, shown, gloss)
+        return Views(surface, corners, shown, gloss)
 
     @cached_property
     def _traced(self) -> CoreScene:
@@ -98,10 +96,12 @@ class Views:
         return np.asarray(sides[(sides != _NO_ROW).all(axis=1)])
 
     @cached_property
-    def _both(self) -> NDArray[np.uint32]:
-        """Rows for both sides of all triangles: an inside that a camera has got into shows the outside."""
-        front, back = self._corners[:, :3], self._corners[:, 3:]
-        return np.concatenate([np.where(front == _NO_ROW, back, front), np.where(back == _NO_ROW, front, back)], axis=1)
+    def _shows(self) -> NDArray[np.uint32]:
+        """The rows whose light all sides show; of a side without any, the inside of what is closed, a dark one."""
+        there = self._corners != _NO_ROW
+        shows = np.full_like(self._corners, len(self.shown))
+        shows[there] = self.shown[self._corners[there]]
+        return shows
 
     def _view(self, camera: Camera) -> _View:
         found = self._views.get(camera)
@@ -121,8 +121,13 @@ class Views:
 
     def picture(self, camera: Camera, B: NDArray[np.float32]) -> tuple[NDArray[np.float32], Behind]:
         """The picture of a response at vertices, (height, width, 3), and what puts an environment behind it."""
-        view, diffuse = self._view(camera), B[: len(self.shown)]
-        picture = view.table.resolve(view.rows.interpolated(self._both, np.ascontiguousarray(diffuse)))
+        view = self._view(camera)
+        picture = view.table.resolve(view.rows.interpolated(self._shows, _with_dark(B[: len(self.shown)])))
         if view.shine is not None and self._gloss is not None:
-            picture += view.shine.resolve(view.rows.interpolated(self._both, self._gloss.seen(B, view.mix)))
+            glossy = _with_dark(self._gloss.seen(B, view.mix))
+            picture += view.shine.resolve(view.rows.interpolated(self._shows, glossy))
         return picture, view.behind
+
+
+def _with_dark(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    return np.concatenate([values, np.zeros((1, 3), np.float32)])
