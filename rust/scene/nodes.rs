@@ -147,7 +147,7 @@ impl<'a> Looking<'a> {
     fn count(&self) -> usize {
         match self.wanted {
             Wanted::Seen(_) => Self::ROWS * self.columns,
-            Wanted::Everywhere(vertices) => vertices.len() + SAMPLES,
+            Wanted::Everywhere(vertices) => vertices.places.len() + SAMPLES,
         }
     }
 
@@ -160,7 +160,7 @@ impl<'a> Looking<'a> {
                 let y = ((number / self.columns) as f64 + y) / Self::ROWS as f64 * camera.height as f64;
                 self.surfaces.meet(self.eye.map(|x| x as f32), camera.direction(x, y))
             }
-            Wanted::Everywhere(vertices) => match number.checked_sub(vertices.len()) {
+            Wanted::Everywhere(vertices) => match number.checked_sub(vertices.places.len()) {
                 None => Some(vertices.places[number]),
                 Some(sample) => {
                     let [x, y] = jitter(number as u64);

@@ -16,7 +16,8 @@ import deltalux as dl
 import numpy as np
 import oracles
 import pytest
-from deltalux.precomputation import preparation, run
+from deltalux.precomputation import run
+from deltalux.surface.surface import Surface
 from deltalux.transport.entry import TILE_ROWS
 
 # Tiles are of 8192 rows and shards of 4: more than 32768 pixels make two shards.
@@ -225,7 +226,7 @@ def refuse_rays(monkeypatch):
     def ray(*_):
         raise AssertionError("work has begun")
 
-    monkeypatch.setattr(preparation, "CoreScene", ray)
+    monkeypatch.setattr(Surface, "traced", ray)
 
 
 def test_what_does_not_fit_on_the_disk_is_refused_before_work(tmp_path, monkeypatch):
@@ -290,7 +291,7 @@ def test_what_does_not_fit_in_memory_is_refused_before_work(tmp_path):
         ({"columns": "haar:1e9"}, 'expected columns like "haar:64"'),
         ({"columns": "haar:65536"}, "from 1 to 512"),
         ({"quality": "best"}, "expected a quality of preview, publication, lossless"),
-        ({"receivers": "faces"}, 'expected receivers="pixels"'),
+        ({"receivers": "faces"}, 'expected receivers to be "pixels" or "vertices"'),
         ({"tolerance": -0.1}, "expected a tolerance"),
         ({"tolerance": float("nan")}, "expected a tolerance"),
         ({"tolerance": 1.0}, "expected a tolerance"),
