@@ -14,7 +14,7 @@ import deltalux as dl
 import numpy as np
 import pytest
 from deltalux import _core
-from deltalux.precomputation.preparation import Prepared
+from deltalux.precomputation.preparation import Prepared, Request
 
 COLUMNS = dl.Haar(8)
 CALLS = 60
@@ -123,7 +123,7 @@ def test_a_mix_changed_by_threads(lights, threads):
 @both
 def test_a_pass_shared_by_threads(tmp_path, threads):
     scene = dl.Scene.builtin("cornell")
-    prepared = Prepared(scene.with_camera(scene.camera.resized(24, 24)), "haar:4", "preview", None)
+    prepared = Prepared(scene.with_camera(scene.camera.resized(24, 24)), Request("haar:4", "preview"))
 
     def work(k):
         for call in range(8):
