@@ -50,12 +50,12 @@ impl Normals {
     /// Cosines between a unit direction and the normals from `first` on.
     pub fn cosines(&self, direction: [f32; 3], first: usize, cosines: &mut [f32]) {
         for (k, cosine) in cosines.iter_mut().enumerate() {
-            let ray = first + k;
-            *cosine = self.0[0][ray] * direction[0] + self.0[1][ray] * direction[1] + self.0[2][ray] * direction[2];
+            *cosine = self.cosine(direction, first + k);
         }
     }
 
     /// The cosine between a unit direction and one normal.
+    #[inline(always)]
     pub fn cosine(&self, direction: [f32; 3], ray: usize) -> f32 {
         self.0[0][ray] * direction[0] + self.0[1][ray] * direction[1] + self.0[2][ray] * direction[2]
     }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadonlyArray2};
+use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -207,8 +207,11 @@ impl DirectPass {
         pairs: PyReadonlyArray2<'_, u32>,
         progress: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Py<PyArray1<f32>>> {
-        let pairs: Vec<[u32; 2]> =
-            pairs.as_array().rows().into_iter().map(|row| [row[0], row[row.len() - 1]]).collect();
+        let shape = pairs.shape();
+        if shape[1] != 2 {
+            return Err(Error::input(format!("expected pairs of shape (n, 2), got {shape:?}")).into());
+        }
+        let pairs: Vec<[u32; 2]> = pairs.as_array().rows().into_iter().map(|row| [row[0], row[1]]).collect();
         let apart = interruptible(py, progress, |watch| contrast(&self.0, &pairs, &|rows| watch.advance(rows)))?;
         Ok(apart.into_pyarray(py).unbind())
     }

@@ -90,9 +90,14 @@ impl Mesh {
 
     /// The area of a triangle, in normalised units.
     pub fn area(&self, triangle: usize) -> f64 {
-        let corners = self.corners[triangle].map(|corner| corner.map(f64::from));
-        let n = cross(sub(corners[1], corners[0]), sub(corners[2], corners[0]));
+        let n = self.across(triangle);
         0.5 * (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt()
+    }
+
+    /// The vector product of two edges of a triangle: along its normal, and twice its area long.
+    fn across(&self, triangle: usize) -> [f64; 3] {
+        let corners = self.corners[triangle].map(|corner| corner.map(f64::from));
+        cross(sub(corners[1], corners[0]), sub(corners[2], corners[0]))
     }
 
     /// The largest extent of the box around them, in normalised units: from 1 to 2.
@@ -113,8 +118,7 @@ impl Mesh {
 
     /// The unit geometric normal of a triangle, by the order of its corners.
     pub fn normal(&self, triangle: usize) -> [f64; 3] {
-        let corners = self.corners[triangle].map(|corner| corner.map(f64::from));
-        let n = cross(sub(corners[1], corners[0]), sub(corners[2], corners[0]));
+        let n = self.across(triangle);
         let length = (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt();
         n.map(|component| component / length)
     }

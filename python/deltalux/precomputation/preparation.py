@@ -107,20 +107,20 @@ class Prepared:
     clock: Callable[[], float] = staticmethod(time.perf_counter)
 
     def __init__(self, scene: Scene, request: Request, known: KnownNodes | None = None) -> None:
+        columns = request.columns
+        self.columns = parse(columns) if isinstance(columns, str) else columns
+        self.quality, self.settings = request.quality, _settings(request.quality, request.tolerance)
         check_request(scene)
         _check_materials(scene, request)
         self.own_triangles = len(scene.triangles)
         if request.refine is not None:
             scene = refined(scene, float(request.refine), request.normals)
         self.scene, self.request = scene, request
-        columns = request.columns
-        self.columns = parse(columns) if isinstance(columns, str) else columns
         self.glossy = request.gloss and bool(scene.models)
         # A texel's column is made anew from cosines, which glossy rows do not hold.
         self.texels_left_out = self.glossy and isinstance(self.columns, Haar) and self.columns.texels
         if self.texels_left_out:
             self.columns = Haar(self.columns.face)
-        self.quality, self.settings = request.quality, _settings(request.quality, request.tolerance)
         self.core = scene.traced()
         self.factored: dict[int, Factored] = {}
         self.camera = scene.camera.rays()
@@ -198,11 +198,9 @@ class Prepared:
         if isinstance(self.between, KnownNodes):
             asked |= {"nodes": self.between.name}
         asked |= {} if request.gloss else {"gloss": False}
-        return (
-            asked
-            if request.receivers == "pixels"
-            else asked | {"vertices": request.normals, "factors": request.factors}
-        )
+        if request.receivers == "vertices":
+            asked |= {"vertices": request.normals, "factors": request.factors}
+        return asked
 
     @property
     def bundles(self) -> int:
