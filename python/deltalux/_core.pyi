@@ -12,6 +12,7 @@ __all__ = [
     "Cancelled",
     "DEBUG_BUILD",
     "DirectPass",
+    "Emitters",
     "EnvironmentMap",
     "FileError",
     "GROUP",
@@ -370,6 +371,16 @@ class Bounces:
     @property
     def rays(self) -> tuple[int, int]: ...
     def sources(self) -> Sources: ...
+    def emitted(
+        self,
+        scene: Scene,
+        emitters: Emitters,
+        *,
+        side: int,
+        bounces: int | None,
+        residual: float,
+        progress: _Progress = None,
+    ) -> NDArray[np.float64]: ...
     def rows(
         self,
         scene: Scene,
@@ -387,11 +398,19 @@ class Bounces:
     ) -> NodeRows: ...
 
 @final
+class Emitters:
+    def __new__(cls, scene: Scene, radiance: NDArray[np.float32]) -> Emitters: ...
+    def arriving(
+        self, scene: Scene, receivers: Receivers, *, side: int, progress: _Progress = None
+    ) -> NDArray[np.float64]: ...
+
+@final
 class Links:
     @property
     def link(self) -> Link: ...
     @property
     def gathering(self) -> tuple[int, int, int, int]: ...
+    def taken(self, light: NDArray[np.float64]) -> NDArray[np.float64]: ...
     @property
     def nbytes(self) -> int: ...
     @property

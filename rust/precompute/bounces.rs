@@ -126,6 +126,31 @@ impl Interreflection<'_> {
         Ok(Norms { direct: t, indirect })
     }
 
+    /// The bounces of one light that does not move: what arrives of it at nodes directly, in three colours, becomes the
+    /// light of the rows that are made.
+    pub fn still(&self, direct: &[[f64; 3]], bounces: Bounces) -> Result<Vec<[f64; 3]>> {
+        let mut made = vec![[0.0; 3]; self.rows()];
+        let operators = self.operators();
+        for colour in 0..3 {
+            let channel = colour.min(operators.len() - 1);
+            let t: Vec<f64> = direct.iter().map(|light| light[colour]).collect();
+            let [all, before] = match bounces {
+                Bounces::Count(bounces) => neumann(&operators[channel], &t, 1, bounces, |_, _| {}),
+                Bounces::All(residual) => {
+                    let first = operators[channel].apply(&t, 1);
+                    let Solved { values, .. } = solve(&operators[channel], &first, 1, residual)?;
+                    [values.clone(), values]
+                }
+            };
+            for (row, made) in made.iter_mut().enumerate() {
+                let (node, factor) = self.made(row, channel);
+                let radiant = row >= self.factors.rows();
+                made[colour] = if radiant { factor * (t[node] + before[node]) } else { all[node] };
+            }
+        }
+        Ok(made)
+    }
+
     /// Solves all columns of the nodes' direct rows, and truncates what comes of it.
     pub fn solve(
         &self,

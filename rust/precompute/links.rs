@@ -12,7 +12,6 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::sampling::{cosine_directions, mixed};
-use crate::scene::surface::dot;
 use crate::scene::{CELL, Nodes, Placed, Points, Surfaces};
 use crate::transport::{Slab, Weights};
 
@@ -25,11 +24,6 @@ const WHOLE: u32 = 1 << -EXPONENT;
 const AROUND: usize = 32;
 const ASKED: usize = 8;
 const TAKEN: usize = 4;
-/// Least cosine between the normals of a receiver and of a node.
-const FACING: f64 = 0.8;
-/// Spacings that a node speaks for, along its surface and off it.
-const ALONG: f64 = 3.0;
-const OFF: f64 = 2.0;
 /// How far the ray between them is lifted at both ends, in its length: the chord between two points of a round solid runs
 /// inside it.
 const LIFTED: f64 = 0.1;
@@ -296,11 +290,8 @@ fn reflected(
         let Some(nearest) = nodes.nearest(&hit, room) else { continue };
         let mut around: Vec<(u32, f64)> = Vec::with_capacity(TAKEN);
         for number in nodes.several(hit.place, hit.normal, TAKEN, room) {
-            let node = &nodes.nodes[number];
-            let apart: [f64; 3] = std::array::from_fn(|k| node.place[k] - hit.place[k]);
-            let distance = dot(apart, apart).sqrt();
-            if dot(node.normal, hit.normal) > FACING && distance < ALONG * node.spacing {
-                around.push((number as u32, (distance / node.spacing + 0.05).powi(-2)));
+            if let Some(distance) = nodes.distance_spoken(number, hit.place, hit.normal) {
+                around.push((number as u32, (distance / nodes.nodes[number].spacing + 0.05).powi(-2)));
             }
         }
         if around.is_empty() {
@@ -329,14 +320,7 @@ fn interpolation(
     let mut asked = 0;
     for number in nodes.several(origin, normal, AROUND, room) {
         let node = &nodes.nodes[number];
-        let apart: [f64; 3] = std::array::from_fn(|k| node.place[k] - origin[k]);
-        let distance = dot(apart, apart).sqrt();
-        let alike = dot(node.normal, normal) > FACING
-            && distance < ALONG * node.spacing
-            && dot(apart, node.normal).abs() < OFF * node.spacing;
-        if !alike {
-            continue;
-        }
+        let Some(distance) = nodes.distance_spoken(number, origin, normal) else { continue };
         asked += 1;
         let lift = LIFTED * distance;
         let from = std::array::from_fn(|k| origin[k] + lift * normal[k]);

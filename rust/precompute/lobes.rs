@@ -107,12 +107,20 @@ fn world(frame: &[[f64; 3]; 3], local: [f64; 3]) -> [f64; 3] {
 
 impl Lobe<'_> {
     /// f cos for a unit direction of space.
-    fn value(&self, direction: [f64; 3]) -> f64 {
+    pub(super) fn value(&self, direction: [f64; 3]) -> f64 {
         let wi = self.frame.map(|axis| dot(axis, direction));
         match self.shape {
             Shape::Seen(model) if wi[2] > 0.0 => model.evaluate(wi, self.wo) * wi[2],
             Shape::Seen(_) => 0.0,
             Shape::Factor(factor) => factor.value(wi),
+        }
+    }
+
+    /// The density of `samples` at a unit direction of space; None of a factor.
+    pub(super) fn pdf(&self, direction: [f64; 3]) -> Option<f64> {
+        match self.shape {
+            Shape::Seen(model) => Some(model.pdf(self.frame.map(|axis| dot(axis, direction)), self.wo)),
+            Shape::Factor(_) => None,
         }
     }
 

@@ -4,6 +4,7 @@
 pub mod bounces;
 pub mod contrast;
 pub mod direct;
+pub mod emission;
 pub mod links;
 pub mod lobes;
 pub mod node_pass;
@@ -16,6 +17,7 @@ mod visibility;
 pub use bounces::{Bounces, Interreflection, Share};
 pub use contrast::contrast;
 pub use direct::DirectPass;
+pub use emission::Emitters;
 pub use links::{FormFactors, Gathering, Links, form_factors, links};
 pub use lobes::{DIFFUSE, Lobes, Shape as LobeShape};
 pub use node_pass::NodePass;

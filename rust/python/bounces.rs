@@ -6,6 +6,7 @@ use numpy::{PyArray1, PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 
 use crate::error::Error;
+use crate::precompute::links::Check;
 use crate::precompute::{
     self as core, DirectPass, FormFactors, Gathering, Interreflection, NodePass, Pass, form_factors, tile,
 };
@@ -13,11 +14,17 @@ use crate::scene::{self as core_scene, CELL, Node, Placed, Spacing, Wanted};
 use crate::transport::entry::Channels;
 use crate::transport::{MAX_TILE_ROWS, Tile, Truncation};
 
-use super::arrays::{rows_of, to_vec_of_rows};
+use super::arrays::{rows_of, table, to_vec_of_rows, triples};
+use super::emission::Emitters;
 use super::pieces::{Link, TileData};
 use super::rows::{Camera, Receivers};
 use super::scene::Scene;
 use super::{compute, interruptible};
+
+/// So many bounces, or all to a residual.
+fn asked(bounces: Option<usize>, residual: f64) -> core::Bounces {
+    bounces.map_or(core::Bounces::All(residual), core::Bounces::Count)
+}
 
 /// Nodes of a scene, just placed.
 #[pyclass(frozen, module = "deltalux._core")]
@@ -185,11 +192,11 @@ impl Bounces {
         self.albedo[node].iter().map(|&x| f64::from(x)).sum::<f64>() / 3.0
     }
 
-    fn interreflection<'a>(&'a self, links: &'a core::Links, arriving: &'a [Tile]) -> Interreflection<'a> {
+    fn interreflection<'a>(&'a self, checks: &'a [Check], arriving: &'a [Tile]) -> Interreflection<'a> {
         Interreflection {
             factors: &self.factors.counts,
             albedo: &self.albedo,
-            checks: &links.checks,
+            checks,
             arriving,
             channels: self.channels,
         }
@@ -264,6 +271,29 @@ impl Bounces {
         Sources::new(&self.placed, albedo, &self.factors)
     }
 
+    /// What the nodes' rows are under the light of emitters, which does not move: (2 nodes, 3) float64, by twice `side` x
+    /// `side` rays from each point of their cells; `bounces`, `residual`: as of `rows`.
+    #[pyo3(signature = (scene, emitters, *, side, bounces, residual, progress = None))]
+    #[allow(clippy::too_many_arguments)]
+    fn emitted<'py>(
+        &self,
+        py: Python<'py>,
+        scene: &Bound<'py, Scene>,
+        emitters: &Bound<'py, Emitters>,
+        side: usize,
+        bounces: Option<usize>,
+        residual: f64,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let (scene, emitters) = (scene.get(), &emitters.get().0);
+        let light = interruptible(py, progress, |watch| {
+            let advance = |done| watch.advance(done);
+            let direct = emitters.arriving_at_nodes(scene.surfaces(), &self.placed, side, &advance)?;
+            self.interreflection(&[], &[]).still(&direct, asked(bounces, residual))
+        })?;
+        table(py, light)
+    }
+
     /// The nodes' rows: tiles, their rows, their quantum, and what solving took.
     ///
     /// `bounces`: how many, or None for all, to `residual`. `threshold`: of the receivers; nodes have finer ones.
@@ -288,7 +318,7 @@ impl Bounces {
     ) -> PyResult<NodeRows> {
         let space = columns.parse()?;
         let width = width.parse()?;
-        let bounces = bounces.map_or(core::Bounces::All(residual), core::Bounces::Count);
+        let bounces = asked(bounces, residual);
         let (tracer, receivers) = (scene.get().tracer(), receivers.get().points());
         let (rows, tiles, share, quantum, rays) = interruptible(py, progress, |watch| {
             let pass = NodePass::new(Arc::clone(&tracer), &self.placed, space, edge_side)?;
@@ -305,7 +335,7 @@ impl Bounces {
             let looked = DirectPass::new(tracer, checked, Arc::default(), space, edge_side)?;
             let (arriving, shot) = tile(&looked, 0..looked.shape().rows, std::slice::from_ref(&fine), &|_| Ok(()))?;
             let rays = rays.plus(shot);
-            let between = self.interreflection(&links.links, &arriving);
+            let between = self.interreflection(&links.links.checks, &arriving);
             let own = between.quantum(&direct, &bands, bounces, quantum)?;
             let rule = Truncation::new(&bands, INDIRECT * threshold, own, width)?;
             let (tiles, share) =
@@ -371,6 +401,21 @@ impl Links {
     #[getter]
     fn gathering(&self) -> (usize, usize, usize, usize) {
         (self.links.unspoken, self.links.audited, self.links.few, self.links.glossy)
+    }
+
+    /// What receivers take of a light of nodes' rows, (2 nodes, 3) float64: (receivers, 3).
+    fn taken<'py>(&self, py: Python<'py>, light: PyReadonlyArray2<'py, f64>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let light = triples("a light of nodes", &light)?;
+        let weights = &self.links.weights;
+        if weights.arrays().1.iter().any(|&node| node as usize >= light.len()) {
+            return Err(Error::input(format!("expected a light for every node's rows, got {}", light.len())).into());
+        }
+        let taken = (0..weights.rows()).map(|row| {
+            weights
+                .row(row)
+                .fold([0.0; 3], |sum, (node, weight)| std::array::from_fn(|k| sum[k] + weight * light[node][k]))
+        });
+        table(py, taken.collect())
     }
 
     /// Bytes.

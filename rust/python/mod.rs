@@ -5,6 +5,7 @@ mod beside;
 mod bounces;
 mod brdf;
 mod clusters;
+mod emission;
 mod harmonics;
 mod interrupt;
 mod light;
@@ -64,6 +65,7 @@ fn core_module(module: &Bound<'_, PyModule>) -> PyResult<()> {
     bounces::register(module)?;
     brdf::register(module)?;
     clusters::register(module)?;
+    emission::register(module)?;
     tracer::register(module)?;
     Ok(())
 }

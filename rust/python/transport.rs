@@ -283,7 +283,7 @@ impl Transport {
         Ok(self.file()?.manifest.files.iter().map(|entry| (entry.name.clone(), entry.bytes)).collect())
     }
 
-    /// What lies beside the product under a name, "scene" or "nodes": arrays by their names; None where nothing does.
+    /// What lies beside the product under a name, "scene", "nodes" or "emission": arrays by their names; None where nothing does.
     fn beside<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Option<Bound<'py, PyDict>>> {
         arrays_beside(py, &self.file()?.beside, name)
     }

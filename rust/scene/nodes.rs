@@ -18,6 +18,7 @@ use rayon::prelude::*;
 use super::camera::Camera;
 use super::curve::{along_curve, facing};
 use super::near::Near;
+use super::rays::tracer::LIFT;
 use super::surface::{Point, Points, Surfaces, dot};
 use super::vertices::Vertices;
 use crate::error::{Error, Result};
@@ -40,6 +41,18 @@ const SECOND_HAND: f64 = 2.0;
 const ONE_SIDE: f64 = 0.906;
 /// What a unit of a normal counts for beside places, in median spacings.
 const NORMAL: f64 = 40.0;
+/// Least cosine between the normals of a node and of what it speaks for.
+const FACING: f64 = 0.8;
+/// Spacings that a node speaks for, along its surface and off it.
+const ALONG: f64 = 3.0;
+/// See `ALONG`.
+const OFF: f64 = 2.0;
+/// Of the way to a parallel surface behind, a spacing is at most this share: else the nodes of that one, a ceiling, would be
+/// taken for those of this one, a lamp under it.
+const HALFWAY: f64 = 0.5;
+/// A node lies across a surface where so much of the way to it leads off the surface; of so many nodes one may lie in it.
+const ACROSS: f64 = 0.7;
+const BEHIND: usize = 16;
 /// A hit further from the nearest node than so many times the largest spacing there is nobody's.
 const BEYOND: f64 = 4.0;
 /// How far from a node points of its cell are looked for, in spacings, and how often.
@@ -226,10 +239,10 @@ impl Placed {
                     let unit = looking.unit(&at);
                     let share = spacing.share * if k == 0 { 1.0 } else { SECOND_HAND };
                     let (around, order) = (clearance(surfaces, &at, number), mixed(2 * number + k as u64));
-                    rays += (AROUND * AROUND) as u64;
+                    rays += (AROUND * AROUND) as u64 + 1;
                     found.push(Candidate {
                         at,
-                        spacing: (share * around).clamp(LEAST * unit, MOST * unit),
+                        spacing: (share * around).min(HALFWAY * behind(surfaces, &at)).clamp(LEAST * unit, MOST * unit),
                         reach: MOST * unit,
                         order,
                     });
@@ -292,14 +305,33 @@ impl Nodes {
         self.nodes.is_empty()
     }
 
-    /// The node that speaks for a point that a ray has met; `room` is scratch.
+    /// The node that stands for a point that a ray has met: the nearest, but where that lies on another surface before or
+    /// behind it, the nearest that speaks for it, if any does; `room` is scratch.
     pub fn nearest(&self, at: &Point, room: &mut Vec<(f32, u32)>) -> Option<usize> {
         self.near.nearest(at.place, at.normal, 1, room);
         let number = room.first()?.1 as usize;
         let node = &self.nodes[number];
         let apart: [f64; 3] = std::array::from_fn(|k| node.place[k] - at.place[k]);
-        let near = dot(apart, apart).sqrt() <= BEYOND * node.reach;
-        (near && dot(node.normal, at.normal) > 0.0).then_some(number)
+        let (distance, off) = (dot(apart, apart).sqrt(), dot(apart, at.normal).abs());
+        if off > OFF * node.spacing && off > ACROSS * distance {
+            self.near.nearest(at.place, at.normal, BEHIND, room);
+            let mut around = room.iter().map(|&(_, number)| number as usize);
+            if let Some(own) = around.find(|&own| self.distance_spoken(own, at.place, at.normal).is_some()) {
+                return Some(own);
+            }
+        }
+        (distance <= BEYOND * node.reach && dot(node.normal, at.normal) > 0.0).then_some(number)
+    }
+
+    /// How far a node is from a surface that it speaks for; None where it does not.
+    pub fn distance_spoken(&self, number: usize, place: [f64; 3], normal: [f64; 3]) -> Option<f64> {
+        let node = &self.nodes[number];
+        let apart: [f64; 3] = std::array::from_fn(|k| node.place[k] - place[k]);
+        let distance = dot(apart, apart).sqrt();
+        let speaks = dot(node.normal, normal) > FACING
+            && distance < ALONG * node.spacing
+            && dot(apart, node.normal).abs() < OFF * node.spacing;
+        speaks.then_some(distance)
     }
 
     /// The numbers of the `count` nearest nodes, the nearest first; `room` is scratch.
@@ -321,6 +353,14 @@ fn clearance(surfaces: Surfaces, at: &Point, seed: u64) -> f64 {
     let inverse = |direction| surfaces.meet(origin, direction).map_or(0.0, |hit| 1.0 / hit.distance.max(1e-12));
     let sum: f64 = cosine_directions(at.normal, AROUND, seed).map(inverse).sum();
     if sum > 0.0 { (AROUND * AROUND) as f64 / sum } else { f64::INFINITY }
+}
+
+/// How far the next surface behind a point is that faces the same way; infinitely far where there is none.
+fn behind(surfaces: Surfaces, at: &Point) -> f64 {
+    let away = at.normal.map(|n| -n);
+    let origin: [f64; 3] = std::array::from_fn(|k| at.place[k] + LIFT * away[k]);
+    let hit = surfaces.meet(origin.map(|x| x as f32), away).filter(|hit| dot(hit.normal, at.normal) > ONE_SIDE);
+    hit.map_or(f64::INFINITY, |hit| hit.distance)
 }
 
 /// The nodes among candidates, at `wider` times their spacings.

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._core import Bounces, FileError, Links, Receivers, Sources, TileData
+from .._core import Bounces, Emitters, FileError, Links, Receivers, Sources, TileData
 from .._core import Camera as Rays
 from .._core import Nodes as CoreNodes
 from .._core import Scene as CoreScene
@@ -151,6 +151,20 @@ class PlacedNodes:
         self._between = Bounces(self._core, self._nodes, self._albedo, side=side, progress=progress)
         return self._between.sources()
 
+    def emitted(self, emitters: Emitters, progress: Callable[[int], None]) -> NDArray[np.float64]:
+        """What their rows are under the light that surfaces give off by themselves."""
+        assert self._between is not None
+        asked = self._asked
+        return self._between.emitted(
+            self._core,
+            emitters,
+            # A node's cell has several points.
+            side=self._settings.emission_rays // 2,
+            bounces=None if asked.bounces == ALL else asked.bounces,
+            residual=asked.residual,
+            progress=progress,
+        )
+
     def rows(self, links: Links, threshold: float, quantum: int, progress: Callable[[int], None]) -> NodePart:
         """Their rows, solved and truncated."""
         assert self._between is not None
@@ -195,6 +209,7 @@ class KnownNodes:
             raise ValueError("expected a transport that keeps its nodes")
         self.columns, self._rows, self.channels, self._quantum, self._width, self._tile_rows, self._tiles = part
         self._kept, self._solve, self.bounces = _nodes_of(kept, self._rows), transport.solve, transport.bounces
+        self._emitted = _emitted_of(kept, self._rows)
         # By what they are, not by where they lie.
         sizes = [size for name, size in transport.files if name.startswith("tiles-nodes")]
         about = repr((self._solve, self.bounces, self.columns, self._quantum, self._width, sizes))
@@ -212,6 +227,12 @@ class KnownNodes:
         """The nodes as receivers take from them."""
         return Sources(self._kept)
 
+    def emitted(self, emitters: Emitters, progress: Callable[[int], None]) -> NDArray[np.float64]:
+        """What their rows are under the light that surfaces give off by themselves, as it was."""
+        if self._emitted is None:
+            raise FileError("nodes.safetensors: expected emitted, as the scene gives off light")
+        return self._emitted
+
     def rows(self, links: Links, threshold: float, quantum: int, progress: Callable[[int], None]) -> NodePart:
         """Their rows as they are."""
         return NodePart(self._tiles, self._rows, self._quantum, self._width, self._tile_rows, 0, self._solve)
@@ -223,6 +244,14 @@ def _nodes_of(arrays: Mapping[str, NDArray[Any]], rows: int) -> NDArray[np.float
     if kept is None or kept.dtype != np.float64 or kept.ndim != 2 or 2 * len(kept) != rows:
         raise FileError(f"nodes.safetensors: expected kept of float64 for each of {rows // 2} nodes")
     return kept
+
+
+def _emitted_of(arrays: Mapping[str, NDArray[Any]], rows: int) -> NDArray[np.float64] | None:
+    """What the rows of a file's nodes are under the light that surfaces give off; None where none does."""
+    found = arrays.get("emitted")
+    if found is not None and (found.dtype != np.float64 or found.shape != (rows, 3) or not np.isfinite(found).all()):
+        raise FileError(f"nodes.safetensors: expected emitted of finite float64 and shape ({rows}, 3)")
+    return found
 
 
 Nodes = PlacedNodes | KnownNodes

@@ -14,12 +14,14 @@ from ..transport.plan import Cost, LeftOut, Part, Plan
 from .preparation import BUNDLE, QUANTUM, Prepared, Survey, surveyed_bundles
 from .room import INTERPRETER, PIXEL, TRIANGLE
 
-__all__ = ["DIRECT", "GLOSS", "NODES", "make_plan", "said"]
+__all__ = ["DIRECT", "EMISSION", "GLOSS", "NODES", "make_plan", "said"]
 
 DIRECT = "direct"
 """The part, and the pass, of light that arrives directly."""
 NODES = "nodes"
 """The part, and the pass, of light between surfaces."""
+EMISSION = "emission"
+"""The part, and the pass, of light that surfaces give off by themselves: it is no part of M."""
 GLOSS = "rows of glossy lobes"
 """What plans call them where they are left out."""
 
@@ -35,6 +37,8 @@ _SCATTER = 0.1
 _LINK_RAYS, _LINK_BYTES, _APART, _CELLS_A_BUNDLE, _ALL_PRODUCTS, _FLOPS = 70, 30, 0.3, 16, 20, 6e9
 # The same of a lobe, at most: four nodes around what each of its rays meets.
 _LOBE_RAYS, _LOBE_BYTES = 256, 6 * 4 * 256
+# A ray by itself, in rays of a fan.
+_A_SINGLE_RAY = 8.0
 # A plan is held to this on an idle machine (`benches/plan.py`).
 _AT_MOST = 0.3
 
@@ -83,7 +87,7 @@ def make_plan(prepared: Prepared) -> Plan:
         picture=(scene.camera.width, scene.camera.height),
         quality=prepared.quality,
         tolerance=settings.tolerance,
-        parts=[part, *_nodes(prepared, probe)],
+        parts=[part, *_nodes(prepared, probe), *_emission(prepared, probe)],
         left_out=_left_out(prepared, probe, part),
         errors=probe.survey.errors,
         without=probe.survey.without,
@@ -170,6 +174,41 @@ def _nodes(prepared: Prepared, probe: _Probe) -> list[Part]:
         threads=used_threads(),
     )
     return [replace(part, cost=cost)]
+
+
+def _emission(prepared: Prepared, probe: _Probe) -> list[Part]:
+    """Light that surfaces give off by themselves, where some do."""
+    scene, nodes = prepared.scene, prepared.between
+    if scene.emission is None:
+        return []
+    shining = int(scene.emission.any(axis=1).sum())
+    rays = 2 * prepared.settings.emission_rays**2 * (prepared.count + (len(nodes) if nodes and nodes.rays else 0))
+    seconds = _A_SINGLE_RAY * rays * probe.bundle_seconds / (probe.first_rays + probe.edge_rays)
+    cost = Cost(
+        rays=rays,
+        bytes_on_disk=24 * prepared.count,
+        bytes_in_memory=INTERPRETER + TRIANGLE * len(scene.triangles) + 64 * prepared.count,
+        seconds=seconds,
+        least_seconds=0.5 * seconds,
+        most_seconds=2 * seconds,
+        threads=used_threads(),
+    )
+    why = f"what {shining} of {len(scene.albedo)} materials give off: beside M, as it does not move with the light"
+    return [
+        Part(
+            name=EMISSION,
+            make=EMISSION,
+            rows=prepared.count,
+            columns="none of M",
+            column_count=1,
+            bands=1,
+            channels=3,
+            factors=1,
+            bounces=nodes.bounces if nodes and probe.hit_share else 0,
+            why=why,
+            cost=cost,
+        )
+    ]
 
 
 def _texels(prepared: Prepared, probe: _Probe) -> str:

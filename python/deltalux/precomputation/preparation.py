@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from .._core import DirectPass, Looked, Receivers
+from .._core import DirectPass, Emitters, Looked, Receivers
 from ..brdf import Measured, Model
 from ..checks import count
 from ..columns import Columns, Haar, parse
@@ -133,6 +133,9 @@ class Prepared:
             self.between = PlacedNodes(
                 self.core, scene, self.rows, self.camera, self.settings, self.columns, request.between
             )
+        self.emitters: Emitters | None = None
+        if scene.emission is not None:
+            self.emitters = Emitters(self.core, np.ascontiguousarray(scene.emission[scene.material]))
         # Drawn here, once: no clock that times a survey is to time this.
         self.lights = lights(self.columns)
         self.direct = DirectPass(self.core, self.rows, columns=str(self.columns), edge_side=self.settings.edge_side)
@@ -178,6 +181,16 @@ class Prepared:
                 if isinstance(model, Measured):
                     albedo[(material == number) & (lobe < 0)] = 0
         return albedo
+
+    def radiance(self) -> np.ndarray:
+        """What the surface of each row gives off by itself, (rows, 3) float32: once, however many rows show it."""
+        scene, lobe = self.scene, self.rows.lobe
+        material = scene.material[self.rows.triangle]
+        own = np.zeros((self.count, 3), np.float32)
+        if scene.emission is not None:
+            first = (lobe < 0) | ((lobe == 0) & ~np.isin(material, material[lobe < 0]))
+            own[first] = scene.emission[material[first]]
+        return own
 
     def beside(self) -> dict[str, np.ndarray]:
         """What shows vertices: the rows of triangles; and of glossy ones, what the eye makes of factors."""

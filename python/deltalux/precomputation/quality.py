@@ -26,6 +26,8 @@ class Quality:
         Rays of a node, along each side of their stratification.
     audit
         A receiver gathers from what its own rays meet where the mean albedo that its nodes see is off by more.
+    emission_rays
+        Rays of a row to what gives off light, and as many of its lobe, along each side of their stratification.
     """
 
     edges: bool
@@ -35,11 +37,39 @@ class Quality:
     spacing: float
     node_rays: int
     audit: float
+    emission_rays: int
 
 
 QUALITIES = {
-    "preview": Quality(edges=False, edge_side=0, tolerance=0.03, width="i8", spacing=0.2, node_rays=16, audit=0.05),
-    "publication": Quality(edges=True, edge_side=3, tolerance=0.01, width="i8", spacing=0.16, node_rays=32, audit=0.05),
-    "lossless": Quality(edges=True, edge_side=4, tolerance=0.0, width="i16", spacing=0.16, node_rays=32, audit=0.05),
+    "preview": Quality(
+        edges=False,
+        edge_side=0,
+        tolerance=0.03,
+        width="i8",
+        spacing=0.2,
+        node_rays=16,
+        audit=0.05,
+        emission_rays=8,
+    ),
+    "publication": Quality(
+        edges=True,
+        edge_side=3,
+        tolerance=0.01,
+        width="i8",
+        spacing=0.16,
+        node_rays=32,
+        audit=0.05,
+        emission_rays=16,
+    ),
+    "lossless": Quality(
+        edges=True,
+        edge_side=4,
+        tolerance=0.0,
+        width="i16",
+        spacing=0.16,
+        node_rays=32,
+        audit=0.05,
+        emission_rays=16,
+    ),
 }
 """Presets by outcome; `lossless` keeps every coefficient above 2^-24."""

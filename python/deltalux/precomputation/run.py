@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from .._core import Link, TileData, TransportWriter, __version__
+from .._core import Links, TileData, TransportWriter, __version__
+from .._core import Nodes as CoreNodes
 from ..columns import Columns, parse
 from ..progress import Progress, Reporter, reporter
 from ..scene.scene import Scene
@@ -19,7 +20,7 @@ from ..transport.entry import TILE_ROWS, TILES_PER_SHARD
 from ..transport.plan import Part, Plan, Solve
 from ..transport.transport import Transport
 from .between import RESIDUAL, KnownNodes, between, linked
-from .planning import DIRECT, NODES, make_plan, renewed, said
+from .planning import DIRECT, EMISSION, NODES, make_plan, renewed, said
 from .preparation import BUNDLE, COLUMNS, QUANTUM, Prepared, Request, surveyed_bundles
 from .room import check_folder_of, check_room
 
@@ -220,8 +221,8 @@ class _Run:
         self.prepared, self.writer, self.tell = prepared, writer, tell
         self.started, self.rays = prepared.clock(), 0
         self.parts: list[tuple[str, str, int, int, int, str, int]] = []
-        self.link: Link | None = None
-        self.beside: list[tuple[str, dict[str, np.ndarray]]] = []
+        self.links: Links | None = None
+        self.beside: dict[str, dict[str, np.ndarray]] = {}
         self.solve: Solve | None = None
         self.notes: list[str] = []
 
@@ -271,8 +272,8 @@ class _Run:
                 tiles = made.tiles[shard * TILES_PER_SHARD : (shard + 1) * TILES_PER_SHARD]
                 self.writer.write_shard(part.name, shard, tiles)
         self.parts.append((part.name, own.columns, made.rows, own.channels, made.quantum, made.width, made.tile_rows))
-        self.link = links.link
-        self.beside.append(("nodes", {"kept": sources.kept()}))
+        self.links = links
+        self.beside["nodes"] = {"kept": sources.kept()}
         self.rays += links.rays + made.rays
         unspoken, audited, few, glossy = links.gathering
         self.solve = replace(made.solve, gathering=(unspoken + audited + few + glossy) / prepared.count)
@@ -282,6 +283,26 @@ class _Run:
             f"as they are glossy; {links.nbytes / prepared.count:.1f} bytes of links a receiver",
             str(self.solve) + ("" if own.rays else "; discretisation as of the view that they were solved for"),
         ]
+
+    def emission(self, part: Part) -> None:
+        """Light that surfaces give off by themselves: what arrives of it at rows, directly and from nodes."""
+        prepared, emitters = self.prepared, self.prepared.emitters
+        assert emitters is not None
+        nodes = prepared.between if self.links is not None else None
+        before = CoreNodes.CELL * len(nodes) if nodes else 0
+
+        def tell(first: int) -> Callable[[int], None]:
+            return lambda done: self.tell(min(first + done, before + part.rows), before + part.rows)
+
+        side = prepared.settings.emission_rays
+        response = emitters.arriving(prepared.core, prepared.rows, side=side, progress=tell(before))
+        self.rays += 2 * side**2 * part.rows
+        if nodes is not None and self.links is not None:
+            emitted = nodes.emitted(emitters, tell(0))
+            response += self.links.taken(emitted)
+            self.beside["nodes"]["emitted"] = emitted
+        arrays = {"response": response.astype(np.float32), "radiance": prepared.radiance()}
+        self.beside["emission"] = arrays
 
     def _tile(self, tile: int, threshold: float, looked: int, total: int) -> TileData:
         first = tile * TILE_ROWS
@@ -325,11 +346,15 @@ class _Run:
             plan=plan.done(self.notes, self.survey.errors, self.survey.without, self.solve).to_json(),
             scene=scene.content_hash(),
             first=len(self.parts),
-            link=self.link,
+            link=None if self.links is None else self.links.link,
             audit=(looked.groups, looked.audit) if len(looked.groups) else None,
-            beside=[(name, list(own.items())) for name, own in (("scene", arrays), *self.beside) if own],
+            beside=[(name, list(own.items())) for name, own in ({"scene": arrays} | self.beside).items() if own],
         )
 
 
-_PASSES: dict[str, Callable[[_Run, Part], None]] = {DIRECT: _Run.direct, NODES: _Run.nodes}
+_PASSES: dict[str, Callable[[_Run, Part], None]] = {
+    DIRECT: _Run.direct,
+    NODES: _Run.nodes,
+    EMISSION: _Run.emission,
+}
 """By what a part's ``make`` says."""

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from ..camera import LARGEST_COORDINATE
 from ..checks import as_vector, real_array
-from ..surface.material import Material
+from ..surface.material import BRIGHTEST, Material
 from .content import MOST_TRIANGLES
 
 
@@ -122,6 +122,14 @@ def checked_albedo(albedo: npt.ArrayLike) -> np.ndarray:
         first = colours[tuple(bad[0])]
         raise ValueError(f"albedo must be in [0, 1], but {len(bad)} values are not; the first is {first}")
     return colours
+
+
+def checked_emission(emission: npt.ArrayLike) -> np.ndarray:
+    """Radiance that materials give off: (m, 3) float32."""
+    colours = real_array("emission", emission, np.float64)
+    if colours.ndim != 2 or colours.shape[1] != 3 or not ((colours >= 0.0) & (colours <= BRIGHTEST)).all():
+        raise ValueError(f"emission must be three numbers from 0 to {BRIGHTEST:g}, got {colours.tolist()!r:.80}")
+    return frozen(colours, np.float32)
 
 
 def frozen(values: npt.ArrayLike, dtype: npt.DTypeLike) -> np.ndarray:

@@ -36,6 +36,8 @@ class Content:
     triangles: int = 0
     vertices: int = 0
     albedo: list[tuple[float, ...]] = field(default_factory=list)
+    emission: list[tuple[float, ...]] = field(default_factory=list)
+    names: list[str] = field(default_factory=list)
     textures: list[np.ndarray | None] = field(default_factory=list)
     texels: int = 0
     counted: set[int] = field(default_factory=set)
@@ -44,7 +46,9 @@ class Content:
     counts: Counter[str] = field(default_factory=Counter)
     warnings: list[str] = field(default_factory=list)
 
-    def add_material(self, albedo: Any, texture: np.ndarray | None = None) -> int:
+    def add_material(
+        self, albedo: Any, texture: np.ndarray | None = None, emission: Any = (0.0, 0.0, 0.0), name: str = ""
+    ) -> int:
         """Append a material and return its index."""
         if texture is not None and id(texture) not in self.counted:
             self.counted.add(id(texture))
@@ -52,6 +56,8 @@ class Content:
             if self.texels > MOST_TEXELS:
                 raise ValueError(f"the textures have more than {MOST_TEXELS} pixels together")
         self.albedo.append(tuple(float(value) for value in albedo[:3]))
+        self.emission.append(tuple(float(value) for value in emission[:3]))
+        self.names.append(name)
         self.textures.append(texture)
         return len(self.albedo) - 1
 

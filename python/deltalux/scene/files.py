@@ -145,7 +145,8 @@ def _material(content: Content, material: Any) -> int:
         except (OSError, ValueError) as error:
             content.leave_out("textures ignored", str(error))
     albedo = stated.get("kd", DEFAULT_ALBEDO if texture is None else (1.0, 1.0, 1.0))
-    return content.add_material(np.broadcast_to(albedo, 3), texture)
+    emission, name = np.broadcast_to(stated.get("ke", 0.0), 3), str(getattr(material, "name", None) or "")
+    return content.add_material(np.broadcast_to(albedo, 3), texture, emission, name)
 
 
 _READERS: dict[str, Callable[[Content, Path, bytes, str], None]] = {

@@ -143,17 +143,26 @@ class _Reader:
         if index in self.materials:
             return self.materials[index]
         albedo: Any = DEFAULT_ALBEDO
-        texture = None
+        texture, name = None, ""
+        emission: tuple[float, ...] = (0.0, 0.0, 0.0)
         if index is not None:
             stated = _item(self.tree.get("materials", []), index, "material")
             albedo = stated.get("pbrMetallicRoughness", {}).get("baseColorFactor", (1.0, 1.0, 1.0))
             texture = self._picture(self._base_colour(index))
             if stated.get("alphaMode", "OPAQUE") != "OPAQUE":
                 self.content.leave_out("transparent materials", "shown opaque")
-            if any(stated.get("emissiveFactor", ())):
-                self.content.leave_out("emissive materials", "their light is left out")
-        self.materials[index] = self.content.add_material(albedo, texture)
+            emission, name = self._emission(stated), str(stated.get("name", ""))
+        self.materials[index] = self.content.add_material(albedo, texture, emission, name)
         return self.materials[index]
+
+    def _emission(self, stated: dict[str, Any]) -> tuple[float, ...]:
+        """The radiance that a material gives off; of what a picture modulates, nothing."""
+        factor = stated.get("emissiveFactor", (0.0, 0.0, 0.0))
+        strength = stated.get("extensions", {}).get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
+        if any(factor) and "emissiveTexture" in stated:
+            self.content.leave_out("emissive textures", "what they give off is left out")
+            return 0.0, 0.0, 0.0
+        return tuple(float(value) * float(strength) for value in factor)
 
     def _base_colour(self, material: int) -> dict[str, Any]:
         """The reference to a material's base colour texture, empty where it has none."""

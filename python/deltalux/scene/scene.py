@@ -26,6 +26,7 @@ from .builtin import catalogue
 from .checked import (
     check_corners,
     checked_albedo,
+    checked_emission,
     checked_materials,
     checked_normals,
     checked_triangles,
@@ -43,7 +44,7 @@ class Scene(Surface):
 
     Attributes
     ----------
-    vertices, triangles, material, albedo, textures, uv, normals, models, specular
+    vertices, triangles, material, albedo, textures, uv, normals, models, specular, emission, names
         As of a `Surface`.
     camera : Camera
     name : str
@@ -139,7 +140,8 @@ class Scene(Surface):
             }
         )
         corners = [_own_corners(piece) + start for piece, start in zip(pieces, offsets, strict=False)]
-        return _assemble(
+        emission = checked_emission(content.emission)
+        found = _assemble(
             np.concatenate([piece.vertices for piece in pieces]),
             np.concatenate(corners),
             np.repeat([piece.material for piece in pieces], [len(own) for own in corners]),
@@ -152,6 +154,7 @@ class Scene(Surface):
             counts=content.counts + mended,
             warnings=content.warnings,
         )
+        return replace(found, emission=emission if emission.any() else None, names=tuple(content.names))
 
     @classmethod
     def from_arrays(
@@ -162,7 +165,7 @@ class Scene(Surface):
         camera: Camera | None = None,
         *,
         normals: npt.ArrayLike | None = None,
-        materials: Sequence[Material] | None = None,
+        materials: Sequence[Material] | Mapping[str, Material] | None = None,
         material: npt.ArrayLike | None = None,
         name: str = "arrays",
     ) -> Scene:
@@ -179,8 +182,8 @@ class Scene(Surface):
             Otherwise one that frames everything.
         normals : (v, 3) real, optional
             Of the surface that the triangles stand for, of any length above 0: receivers at vertices face along them.
-        materials : sequence of Material, optional
-            Instead of `albedo`: of the whole scene, if there is one, or of what `material` says.
+        materials : sequence of Material, or mapping of str to Material, optional
+            Instead of `albedo`: of the whole scene, if there is one, or of what `material` says; a mapping names them.
         material : (t,) integer, optional
             For each triangle its place in `materials`.
         name : str
@@ -200,11 +203,13 @@ class Scene(Surface):
         corners = checked_triangles(triangles)
         shading = None if normals is None else checked_normals(normals, np.shape(vertices))
         if materials is not None:
+            names = tuple(materials) if isinstance(materials, Mapping) else ()
+            materials = list(materials.values()) if isinstance(materials, Mapping) else materials
             numbers = checked_materials(materials, material, len(corners))
             found = _assemble(
                 vertices, corners, numbers, np.zeros((len(materials), 3)), normals=shading, camera=camera, name=name
             )
-            return replace(found, **of_materials(materials))
+            return replace(found, names=names, **of_materials(materials))
         if material is not None:
             raise ValueError("expected materials beside material, which says which of them a triangle has")
         colours = real_array("albedo", albedo, np.float64)

@@ -13,7 +13,7 @@ from .. import brdf
 from ..brdf import Measured, Model
 from ..checks import Vector, real_array
 
-__all__ = ["Lobe", "Material", "decoded", "encoded"]
+__all__ = ["BRIGHTEST", "Lobe", "Material", "decoded", "encoded"]
 
 Lobe: TypeAlias = Model | Measured
 """What a glossy material reflects by."""
@@ -38,10 +38,11 @@ _NOTHING = -1.0
 
 @dataclass(frozen=True)
 class Material:
-    """A diffuse surface, with a glossy lobe over it or a measured one instead.
+    """A diffuse surface, with a glossy lobe over it or a measured one instead; it may give off light.
 
     What is reflected is ``albedo / pi + specular * model``. Both are colours, and stay outside M: rows of a glossy
-    material are grey, a diffuse one and one of the lobe.
+    material are grey, a diffuse one and one of the lobe. What is given off does not move with the light: it is added to
+    pictures as a term of its own (`Transport.emitted`).
 
     Parameters
     ----------
@@ -53,6 +54,8 @@ class Material:
     model
         Of `deltalux.brdf`; None: diffuse. Anisotropic lobes have their x along the tangent that Duff et al. (2017) give
         to the normal.
+    emission
+        Linear radiance that it gives off to both sides, in the unit of the environment: a number or three, at least 0.
 
     Raises
     ------
@@ -63,6 +66,7 @@ class Material:
     albedo: float | Sequence[float] = (0.5, 0.5, 0.5)
     specular: float | Sequence[float] | None = None
     model: Lobe | None = None
+    emission: float | Sequence[float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         if self.model is not None and not isinstance(self.model, (Model, Measured)):
@@ -73,12 +77,17 @@ class Material:
         if self.model is None and any(specular):
             raise ValueError(f"expected a model for the specular colour {specular}, got none")
         object.__setattr__(self, "specular", specular)
+        object.__setattr__(self, "emission", _colour("emission", self.emission, BRIGHTEST))
 
 
-def _colour(name: str, value: Any) -> Vector:
+BRIGHTEST = 1e12
+"""Radiance that a surface may give off: far above suns, and its sums are finite."""
+
+
+def _colour(name: str, value: Any, most: float = 1.0) -> Vector:
     array = real_array(name, value, np.float64)
-    if array.shape not in ((), (3,)) or not ((array >= 0) & (array <= 1)).all():
-        raise ValueError(f"expected {name} to be a number or three in [0, 1], got {value!r}")
+    if array.shape not in ((), (3,)) or not ((array >= 0) & (array <= most)).all():
+        raise ValueError(f"expected {name} to be a number or three in [0, {most:g}], got {value!r}")
     r, g, b = (float(x) for x in np.broadcast_to(array, 3))
     return r, g, b
 

@@ -44,6 +44,10 @@ class Surface:
         Of the glossy lobes; empty where all materials are diffuse.
     specular : (m, 3) float32 or None
         What the lobes are multiplied by; None where there are none.
+    emission : (m, 3) float32 or None
+        Linear radiance that materials give off, to both sides; None where none does.
+    names : m texts, or none
+        What the scene calls its materials, "" where it does not; a transport's file does not keep them.
     """
 
     vertices: np.ndarray
@@ -55,22 +59,25 @@ class Surface:
     normals: np.ndarray | None = None
     models: tuple[Lobe | None, ...] = ()
     specular: np.ndarray | None = None
+    emission: np.ndarray | None = None
+    names: tuple[str, ...] = ()
 
     @property
     def materials(self) -> tuple[Material, ...]:
         """All materials; textures are not in them."""
         models = self.models or (None,) * len(self.albedo)
-        specular = np.zeros_like(self.albedo) if self.specular is None else self.specular
-        both = zip(self.albedo.tolist(), specular.tolist(), models, strict=True)
-        return tuple(Material(albedo, shine if model else None, model) for albedo, shine, model in both)
+        none = np.zeros_like(self.albedo)
+        specular, emission = (none if own is None else own for own in (self.specular, self.emission))
+        all_ = zip(self.albedo.tolist(), specular.tolist(), models, emission.tolist(), strict=True)
+        return tuple(Material(albedo, shine if model else None, model, own) for albedo, shine, model, own in all_)
 
-    def with_material(self, number: int, material: Material) -> Self:
+    def with_material(self, which: int | str, material: Material) -> Self:
         """The same with another material in the place of one.
 
         Parameters
         ----------
-        number : int
-            Its row of `albedo`.
+        which : int or str
+            Its row of `albedo`, or its name.
         material : Material
             The other one; the texture of the first stays.
 
@@ -84,11 +91,24 @@ class Surface:
         ValueError
             If there is no such material.
         """
-        if isinstance(number, str) or not 0 <= number < len(self.albedo):
-            raise ValueError(f"expected a material from 0 to {len(self.albedo) - 1}, got {number!r}")
+        number = self._numbered(which)
+        if not isinstance(material, Material):
+            raise ValueError(f"expected a dl.Material, got {material!r:.80}")
         all_ = list(self.materials)
         all_[number] = material
         return replace(self, **of_materials(all_))
+
+    def _numbered(self, which: int | str) -> int:
+        own = [number for number, name in enumerate(self.names) if name == which]
+        if len(own) > 1:
+            raise ValueError(f"expected a number, as {len(own)} materials are called {which!r}")
+        if isinstance(which, (int, np.integer)) and not isinstance(which, bool) and 0 <= which < len(self.albedo):
+            own = [int(which)]
+        if not own:
+            known = ", ".join(repr(name) for name in self.names if name) or "none has a name"
+            last = len(self.albedo) - 1
+            raise ValueError(f"expected a material from 0 to {last}, or the name of one ({known}), got {which!r}")
+        return own[0]
 
     def traced(self) -> CoreScene:
         """The surfaces ready for rays: this builds the trees over them.
@@ -116,7 +136,7 @@ class Surface:
         digest = hashlib.blake2b(digest_size=32)
         arrays = [self.vertices, self.triangles, self.material, self.albedo, self.uv, *self.textures]
         # What came later: scenes without any of it have the digest that they had.
-        later = [self.normals, self.specular, *_fingerprints(self.models)]
+        later = [self.normals, self.specular, *_fingerprints(self.models), self.emission]
         for array in arrays + [array for array in later if array is not None]:
             digest.update(b"none;" if array is None else f"{array.dtype.str}{array.shape};".encode())
             if array is not None:
@@ -184,7 +204,7 @@ class Surface:
         models = [model for model in self.models if not isinstance(model, Measured)]
         if len(models) < len(self.models):
             return {}
-        names = ("vertices", "triangles", "material", "albedo", "uv", "normals", "specular")
+        names = ("vertices", "triangles", "material", "albedo", "uv", "normals", "specular", "emission")
         found = {name: getattr(self, name) for name in names if getattr(self, name) is not None}
         pictures: dict[int, np.ndarray] = {id(texture): texture for texture in self.textures if texture is not None}
         if pictures:
@@ -221,6 +241,8 @@ class Surface:
             for name, width in (("uv", 2), ("normals", 3))
             if name in arrays
         }
+        if "emission" in arrays:
+            optional["emission"] = _checked(arrays, "emission", np.float32, (len(albedo), 3))
         if "models" in arrays:
             kinds = _checked(arrays, "models", np.uint32, (len(albedo),))
             optional["models"] = decoded(kinds, _checked(arrays, "parameters", np.float64, (len(albedo), None)))
@@ -242,10 +264,12 @@ def of_materials(materials: Sequence[Material]) -> dict[str, Any]:
     """The fields of a surface that hold its materials."""
     models = tuple(material.model for material in materials)
     glossy = any(model is not None for model in models)
+    emission = _frozen([material.emission for material in materials])
     return {
         "albedo": _frozen([material.albedo for material in materials]),
         "models": models if glossy else (),
         "specular": _frozen([material.specular for material in materials]) if glossy else None,
+        "emission": emission if emission.any() else None,
     }
 
 

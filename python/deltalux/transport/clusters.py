@@ -17,9 +17,8 @@ from ..checks import count
 from ..progress import Progress, reporter
 from .entry import TILES_PER_SHARD
 from .plan import Part, Plan
-from .receivers import Pixels
 
-__all__ = ["build", "colours_of", "picture_of"]
+__all__ = ["build", "colours_of"]
 
 REPRESENTATIVES, WEIGHTS = "representatives", "weights"
 """What the parts are called, and how plans say that they are made."""
@@ -72,17 +71,20 @@ def build(
 
 
 def _beside(source: CoreTransport, order: NDArray[np.integer]) -> list[tuple[str, list[tuple[str, NDArray[Any]]]]]:
-    """The scene that the source keeps, with the rows of vertices by their new numbers."""
+    """What the source keeps, with the rows of receivers by their new numbers."""
+    kept = []
+    if (emission := source.beside("emission")) is not None:
+        kept.append(("emission", [(name, own[order]) for name, own in emission.items()]))
     arrays = source.beside("scene")
     if arrays is None:
-        return []
+        return kept
     if "corners" in arrays:
         place = np.empty(len(order), np.uint32)
         place[order] = np.arange(len(order), dtype=np.uint32)
         there = arrays["corners"] < len(order)
         arrays["corners"][there] = place[arrays["corners"][there]]
         arrays["shown"] = place[arrays["shown"]][order]
-    return [("scene", list(arrays.items()))]
+    return [("scene", list(arrays.items())), *kept]
 
 
 def _planned(plan: Plan, source: CoreTransport, made: Clusters, stages: dict[str, CoreTransport]) -> Plan:
@@ -137,23 +139,3 @@ def colours_of(labels: NDArray[np.integer]) -> NDArray[np.float32]:
         for k in range(int(labels.max(initial=0)) + 1)
     ]
     return np.asarray(np.array(table, np.float32)[labels])
-
-
-def picture_of(colours: NDArray[np.float32], pixels: Pixels) -> NDArray[np.float32]:
-    """Colours of rows as they are, without the albedos that a response gets.
-
-    Parameters
-    ----------
-    colours
-        (rows, 3)
-    pixels
-        What the rows are.
-
-    Returns
-    -------
-    (height, width, 3) float32
-        Row 0 at the top, black behind the scene.
-    """
-    height, width = pixels.image_shape
-    of = [np.bincount(pixels.pixel, pixels.weight * colours[:, k], height * width) for k in range(3)]
-    return np.stack(of, -1).reshape(height, width, 3).astype(np.float32)

@@ -54,7 +54,8 @@ class Part:
     name
         What its files are called by.
     make
-        The pass: "direct", "nodes" for light between surfaces; "representatives" and "weights" of clustered transport.
+        The pass: "direct", "nodes" for light between surfaces, "emission" for what they give off; "representatives" and
+        "weights" of clustered transport.
     rows, columns, column_count, bands
         Its shape, and what its columns are.
     channels
@@ -83,7 +84,7 @@ class Part:
 
     def __str__(self) -> str:
         channels = "1 channel" if self.channels == 1 else f"{self.channels} channels"
-        rows = "receivers" if self.make in ("direct", "weights") else self.make
+        rows = "receivers" if self.make in ("direct", "weights", "emission") else self.make
         bounces = "all" if self.bounces < 0 else self.bounces
         return (
             f"{self.name}: {self.rows:,} {rows} x {self.column_count:,} columns ({self.columns}), "

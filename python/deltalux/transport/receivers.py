@@ -94,6 +94,24 @@ class Pixels(_Points):
         """
         return self._core.resolve(np.ascontiguousarray(B, np.float32))
 
+    def shown(self, colours: ArrayLike) -> NDArray[np.float32]:
+        """The picture of colours as they are, without the albedos that a response gets, on black.
+
+        Parameters
+        ----------
+        colours
+            (rows, 3)
+
+        Returns
+        -------
+        (height, width, 3) float32
+            Row 0 at the top.
+        """
+        height, width = self.image_shape
+        of = np.asarray(colours).T
+        planes = [np.bincount(self.pixel, self.weight * own, height * width) for own in of]
+        return np.stack(planes, -1).reshape(height, width, 3).astype(np.float32)
+
 
 class Vertices(_Points):
     """Vertices of a mesh."""

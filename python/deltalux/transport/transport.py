@@ -19,7 +19,7 @@ from ..columns.haar import Haar
 from ..columns.inner import AnyColumns, parse_any
 from ..progress import Progress
 from ..surface.surface import Surface
-from .clusters import build, colours_of, picture_of
+from .clusters import build, colours_of
 from .entry import GROUP
 from .makers import made
 from .mesh import save_mesh
@@ -331,15 +331,40 @@ class Transport:
             return self.render(self.camera, B, env)
         values = self._response(B)
         picture = self.pixels.resolve(values)
+        if self._glow is not None:
+            picture += self._glow
         if env is not None:
             env._behind(self._behind, picture)
         return picture
 
     def _response(self, B: ArrayLike) -> NDArray[np.float32]:
+        """B with the light that does not move."""
         values = np.ascontiguousarray(B, np.float32)
         if values.shape != (self.shape[0], 3):
             raise ValueError(f"expected B of shape ({self.shape[0]}, 3), got {values.shape}")
-        return values
+        return values if self.emitted is None else values + self.emitted
+
+    @property
+    def emitted(self) -> NDArray[np.float32] | None:
+        """What arrives at each row of the light that surfaces give off themselves (`Material.emission`), with as many
+        bounces as M has, (rows, 3); None where nothing does. It is no part of M and of B; `image`, `render` and
+        `colours` add it, and what emitters themselves look like.
+        """
+        return None if self._emission is None else self._emission["response"]
+
+    @cached_property
+    def _emission(self) -> dict[str, NDArray[np.float32]] | None:
+        arrays = self._core.beside("emission")
+        for name in () if arrays is None else ("response", "radiance"):
+            found = None if arrays is None else arrays.get(name)
+            if found is None or found.dtype != np.float32 or found.shape != (self.shape[0], 3):
+                raise FileError(f"emission.safetensors: expected {name} of float32 and shape ({self.shape[0]}, 3)")
+        return arrays
+
+    @cached_property
+    def _glow(self) -> NDArray[np.float32] | None:
+        """The picture of what emitters look like."""
+        return None if self._emission is None else self.pixels.shown(self._emission["radiance"])
 
     @cached_property
     def _behind(self) -> Behind:
@@ -397,7 +422,8 @@ class Transport:
             If the shape is wrong or the rows are no vertices.
         """
         shown = self._views.shown
-        return self.albedo[: len(shown)] * self._response(B)[shown]
+        colours = self.albedo[: len(shown)] * self._response(B)[shown]
+        return colours if self._emission is None else colours + self._emission["radiance"][: len(shown)]
 
     def save_colours(self, path: str | os.PathLike[str], B: ArrayLike, exposure: float = 0.0) -> None:
         """Writes the mesh with the colours of its vertices.
@@ -761,7 +787,7 @@ class Transport:
         ValueError
             If the transport is not clustered, or its rows are not pixels.
         """
-        return picture_of(self.cluster_colours(), self.pixels)
+        return self.pixels.shown(self.cluster_colours())
 
     def __repr__(self) -> str:
         rows, columns = self.shape

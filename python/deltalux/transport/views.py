@@ -16,7 +16,7 @@ from .._core import Scene as CoreScene
 from ..camera import Camera
 from ..surface.surface import Surface
 from .gloss import Gloss
-from .receivers import Vertices
+from .receivers import Pixels, Vertices
 
 __all__ = ["Views"]
 
@@ -38,6 +38,8 @@ class _View:
     """The same with the colours of lobes; None where there are none."""
     mix: NDArray[np.float32]
     """What the eye makes of the response of each row of a factor."""
+    glow: NDArray[np.float32] | None
+    """The picture of what surfaces give off by themselves; None where none does."""
 
 
 class Views:
@@ -113,7 +115,9 @@ class Views:
             if self._gloss is not None and self._surface.specular is not None:
                 shine = rows.table(self._surface.specular[material], material.astype(np.uint16))
                 mix = self._gloss.mix(camera)
-            found = _View(rows, table, Behind(table.background, camera.directions()), shine, mix)
+            emission = self._surface.emission
+            glow = None if emission is None else Pixels(table).shown(emission[material])
+            found = _View(rows, table, Behind(table.background, camera.directions()), shine, mix, glow)
             while len(self._views) >= _KEPT:
                 self._views.pop(next(iter(self._views)), None)
             self._views[camera] = found
@@ -126,6 +130,8 @@ class Views:
         if view.shine is not None and self._gloss is not None:
             glossy = _with_dark(self._gloss.seen(B, view.mix))
             picture += view.shine.resolve(view.rows.interpolated(self._shows, glossy))
+        if view.glow is not None:
+            picture += view.glow
         return picture, view.behind
 
 

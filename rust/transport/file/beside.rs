@@ -13,8 +13,10 @@ use super::shard::{Shard, Tensor};
 pub const SCENE: &str = "scene.safetensors";
 /// The file of the nodes between which light bounces.
 pub const NODES: &str = "nodes.safetensors";
+/// The file of the light that surfaces give off by themselves.
+pub const EMISSION: &str = "emission.safetensors";
 /// The files that there may be, in the order of the manifest.
-pub const FILES: [&str; 2] = [SCENE, NODES];
+pub const FILES: [&str; 3] = [SCENE, NODES, EMISSION];
 
 /// Numbers of one of the types that are kept beside a transport.
 #[derive(Clone)]

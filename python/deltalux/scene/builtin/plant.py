@@ -11,17 +11,22 @@ from ...camera import Camera
 from ..content import Content
 from .shapes import Model, Shape, arch, join, leaves, moved, revolved, sphere, surface, tube, unit
 
-GROUND = (0.58, 0.54, 0.48)
-CLAY = (0.52, 0.22, 0.12)
-SOIL = (0.09, 0.06, 0.04)
-PEBBLE = (0.36, 0.34, 0.31)
-STALK = (0.24, 0.33, 0.08)
-PALM = ((0.07, 0.22, 0.04), (0.10, 0.28, 0.05), (0.15, 0.34, 0.07))
-GRASS = ((0.22, 0.42, 0.10), (0.12, 0.32, 0.08))
-BROAD = (0.05, 0.17, 0.07)
-PETAL = (0.80, 0.36, 0.42)
-PETAL_PALE = (0.85, 0.66, 0.60)
-POLLEN = (0.85, 0.60, 0.10)
+PALETTE = {
+    "ground": (0.58, 0.54, 0.48),
+    "clay": (0.52, 0.22, 0.12),
+    "soil": (0.09, 0.06, 0.04),
+    "pebble": (0.36, 0.34, 0.31),
+    "stalk": (0.24, 0.33, 0.08),
+    "dark palm": (0.07, 0.22, 0.04),
+    "palm": (0.10, 0.28, 0.05),
+    "light palm": (0.15, 0.34, 0.07),
+    "light grass": (0.22, 0.42, 0.10),
+    "grass": (0.12, 0.32, 0.08),
+    "broad leaf": (0.05, 0.17, 0.07),
+    "petal": (0.80, 0.36, 0.42),
+    "pale petal": (0.85, 0.66, 0.60),
+    "pollen": (0.85, 0.60, 0.10),
+}
 
 SOIL_HEIGHT = 0.98
 
@@ -29,8 +34,8 @@ SOIL_HEIGHT = 0.98
 def plant() -> Content:
     """Build the model; RandomState because numpy promises that its numbers never change."""
     random = np.random.RandomState(20)
-    model = Model("plant")
-    model.add(GROUND, revolved([(0.0, 0.0), (3.0, 0.0), (12.0, 0.0), (48.0, 0.0)], 64))
+    model = Model("plant", PALETTE)
+    model.add("ground", revolved([(0.0, 0.0), (3.0, 0.0), (12.0, 0.0), (48.0, 0.0)], 64))
     _pot(model, random)
     _fronds(model, random)
     _grass(model, random)
@@ -44,19 +49,19 @@ def _pot(model: Model, random: np.random.RandomState) -> None:
     outer = [(0.0, 0.06), (0.46, 0.06), (0.49, 0.09), (0.66, 0.84), (0.67, 0.86), (0.74, 0.87), (0.76, 0.89)]
     rim = [(0.78, 1.04), (0.775, 1.07), (0.75, 1.085), (0.72, 1.075), (0.705, 1.05), (0.67, 0.90), (0.66, 0.80)]
     saucer = [(0.0, 0.02), (0.62, 0.02), (0.70, 0.10), (0.73, 0.105), (0.735, 0.09), (0.66, 0.0)]
-    model.add(CLAY, revolved(outer + rim, 96), revolved(saucer, 96))
+    model.add("clay", revolved(outer + rim, 96), revolved(saucer, 96))
 
     # Soil: a disc with a rough, slightly heaped surface.
     radius, angle = np.meshgrid(np.linspace(0.0, 0.70, 15), np.linspace(0.0, 2.0 * np.pi, 57), indexing="ij")
     height = SOIL_HEIGHT + 0.05 * (1.0 - (radius / 0.7) ** 2) + 0.02 * random.uniform(-1.0, 1.0, radius.shape)
     height[0], height[:, -1] = height[0, 0], height[:, 0]
     angle[:, -1] = 0.0
-    model.add(SOIL, surface(np.stack([radius * np.cos(angle), height, radius * np.sin(angle)], axis=-1)))
+    model.add("soil", surface(np.stack([radius * np.cos(angle), height, radius * np.sin(angle)], axis=-1)))
     for _ in range(40):
         at, size, turn = 0.63 * np.sqrt(random.uniform()), random.uniform(0.015, 0.035), random.uniform(0.0, 360.0)
         pebble, corners = sphere((0.0, 0.0, 0.0), size, 10)
         squashed = pebble * (1.0, 0.6, 0.75)
-        model.add(PEBBLE, moved((squashed + (at, SOIL_HEIGHT + 0.045, 0.0), corners), (0.0, 0.0, 0.0), turn))
+        model.add("pebble", moved((squashed + (at, SOIL_HEIGHT + 0.045, 0.0), corners), (0.0, 0.0, 0.0), turn))
 
 
 def _fronds(model: Model, random: np.random.RandomState) -> None:
@@ -70,7 +75,7 @@ def _fronds(model: Model, random: np.random.RandomState) -> None:
     length = 2.55 - 0.75 * order + random.uniform(-0.15, 0.15, count)
     base = _on_soil(heading, 0.04 + 0.14 * order)
     stalks = arch(base, heading, rise, bend, length, 48)
-    model.add(STALK, tube(stalks[:, ::2], np.linspace(0.022, 0.004, 25), 7))
+    model.add("stalk", tube(stalks[:, ::2], np.linspace(0.022, 0.004, 25), 7))
 
     # Leaflets grow from the outer three quarters of the stalk, forwards and to either side.
     where = np.linspace(12, 47, pairs)
@@ -87,8 +92,8 @@ def _fronds(model: Model, random: np.random.RandomState) -> None:
         droop = random.uniform(0.25, 0.5, (count, pairs, 1, 1)) * t**2 * np.array([0.0, -1.0, 0.0])
         centre = foot[:, :, None] + reach[..., None] * (t * direction[:, :, None] + droop)
         width = 0.020 * (reach / 0.62) ** 0.5 * _taper(t[:, 0], 0.3)
-        for shade, colour in enumerate(PALM):
-            model.add(colour, leaves(centre[shade::3], width[shade::3], 0.35))
+        for shade, palm in enumerate(("dark palm", "palm", "light palm")):
+            model.add(palm, leaves(centre[shade::3], width[shade::3], 0.35))
 
 
 def _grass(model: Model, random: np.random.RandomState) -> None:
@@ -99,8 +104,8 @@ def _grass(model: Model, random: np.random.RandomState) -> None:
     length = random.uniform(0.9, 1.6, count)
     path = arch(base, heading, random.uniform(0.9, 1.3, count), random.uniform(1.6, 2.8, count), length, 20)
     width = random.uniform(0.011, 0.021, count)[:, None] * _taper(np.linspace(0.0, 1.0, 21), 0.15)
-    for shade, colour in enumerate(GRASS):
-        model.add(colour, leaves(path[shade::2], width[shade::2], 0.25))
+    for shade, grass in enumerate(("light grass", "grass")):
+        model.add(grass, leaves(path[shade::2], width[shade::2], 0.25))
 
 
 def _broad_leaves(model: Model, random: np.random.RandomState) -> None:
@@ -111,7 +116,7 @@ def _broad_leaves(model: Model, random: np.random.RandomState) -> None:
         _on_soil(heading, np.full(count, 0.35)), heading, random.uniform(0.9, 1.25, count),
         np.full(count, 0.5), random.uniform(0.30, 0.55, count), 10,
     )  # fmt: skip
-    model.add(STALK, tube(stem, 0.010, 6))
+    model.add("stalk", tube(stem, 0.010, 6))
     blade = arch(
         stem[:, -1], heading, random.uniform(0.35, 0.6, count), random.uniform(0.9, 1.4, count),
         random.uniform(0.42, 0.6, count), 18,
@@ -126,7 +131,7 @@ def _broad_leaves(model: Model, random: np.random.RandomState) -> None:
     half = (0.13 * np.sin(np.pi * s**0.75) ** 0.9)[None, :, None, None]
     wave = 0.10 * np.sin(22.0 * s)[None, :, None, None] * across**2
     lift = 0.45 * np.abs(across) - 0.40 * across**2 + wave
-    model.add(BROAD, surface(blade[:, :, None] + half * (across * side[:, :, None] + lift * normal[:, :, None])))
+    model.add("broad leaf", surface(blade[:, :, None] + half * (across * side[:, :, None] + lift * normal[:, :, None])))
 
 
 def _flowers(model: Model, random: np.random.RandomState) -> None:
@@ -137,11 +142,11 @@ def _flowers(model: Model, random: np.random.RandomState) -> None:
         _on_soil(heading, np.full(count, 0.25)), heading, random.uniform(1.0, 1.3, count),
         random.uniform(0.3, 0.8, count), random.uniform(1.0, 1.6, count), 20,
     )  # fmt: skip
-    model.add(STALK, tube(stem, 0.006, 6))
+    model.add("stalk", tube(stem, 0.006, 6))
     for flower, path in enumerate(stem):
         facing = unit(path[-1] - path[-3] + (0.0, 0.01, 0.0))
-        model.add(PETAL if flower % 3 else PETAL_PALE, _petals(path[-1], facing))
-        model.add(POLLEN, sphere(path[-1] + 0.012 * facing, 0.024, 12))
+        model.add("petal" if flower % 3 else "pale petal", _petals(path[-1], facing))
+        model.add("pollen", sphere(path[-1] + 0.012 * facing, 0.024, 12))
 
 
 def _petals(centre: np.ndarray, facing: np.ndarray) -> Shape:

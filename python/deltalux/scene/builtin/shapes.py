@@ -7,7 +7,7 @@ Everything is numpy, deterministic and free of triangles without area.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -22,26 +22,26 @@ GRID = 2.0**-20
 
 
 class Model:
-    """A scene in the making."""
+    """A scene in the making; `palette`: linear albedos by the names of its materials."""
 
-    def __init__(self, name: str) -> None:
-        self.name = name
+    def __init__(self, name: str, palette: Mapping[str, Colour]) -> None:
+        self.name, self._palette = name, palette
         self._shapes: list[Shape] = []
         self._material: list[int] = []
-        self._albedo: list[Colour] = []
+        self._used: list[str] = []
 
-    def add(self, colour: Colour, *shapes: Shape) -> None:
-        """Add shapes of a colour (linear albedo); equal colours share a material."""
-        if colour not in self._albedo:
-            self._albedo.append(colour)
+    def add(self, material: str, *shapes: Shape) -> None:
+        """Add shapes of a material; they are numbered as they come."""
+        if material not in self._used:
+            self._used.append(material)
         self._shapes += shapes
-        self._material += [self._albedo.index(colour)] * len(shapes)
+        self._material += [self._used.index(material)] * len(shapes)
 
     def content(self, camera: Camera) -> Content:
         """The finished model, one piece a shape, seen by its own camera."""
         content = Content(self.name, camera=camera)
-        for colour in self._albedo:
-            content.add_material(colour)
+        for name in self._used:
+            content.add_material(self._palette[name], name=name)
         for (vertices, triangles), material in zip(self._shapes, self._material, strict=True):
             points = np.round(vertices / GRID) * GRID
             content.add_piece(Piece(points, triangles[_distinct_corners(points, triangles)], None, material))

@@ -9,23 +9,31 @@ import numpy as np
 
 from ...camera import Camera
 from ..content import Content
-from .shapes import Colour, Model, Shape, box, join, leaves, moved, quad, revolved, sphere, tube, unit
+from .shapes import Model, Shape, box, join, leaves, moved, quad, revolved, sphere, tube, unit
 
-ROAD = (0.16, 0.16, 0.17)
-LINE = (0.66, 0.65, 0.60)
-PAVEMENT = (0.42, 0.41, 0.39)
-STONE = (0.62, 0.59, 0.53)
-GLASS = (0.05, 0.06, 0.07)
-ROOF = (0.24, 0.11, 0.08)
-DOOR = (0.10, 0.16, 0.13)
-IRON = (0.06, 0.07, 0.07)
-LAMP = (0.82, 0.79, 0.70)
-BARK = (0.17, 0.12, 0.08)
-LEAF = ((0.13, 0.28, 0.05), (0.20, 0.36, 0.08))
-WALLS = ((0.60, 0.42, 0.28), (0.67, 0.60, 0.46), (0.52, 0.22, 0.15), (0.47, 0.52, 0.50), (0.70, 0.52, 0.36))
+PALETTE = {
+    "road": (0.16, 0.16, 0.17),
+    "line": (0.66, 0.65, 0.60),
+    "pavement": (0.42, 0.41, 0.39),
+    "stone": (0.62, 0.59, 0.53),
+    "glass": (0.05, 0.06, 0.07),
+    "roof": (0.24, 0.11, 0.08),
+    "door": (0.10, 0.16, 0.13),
+    "iron": (0.06, 0.07, 0.07),
+    "lamp": (0.82, 0.79, 0.70),
+    "bark": (0.17, 0.12, 0.08),
+    "dark leaf": (0.13, 0.28, 0.05),
+    "light leaf": (0.20, 0.36, 0.08),
+    "ochre wall": (0.60, 0.42, 0.28),
+    "cream wall": (0.67, 0.60, 0.46),
+    "red wall": (0.52, 0.22, 0.15),
+    "grey wall": (0.47, 0.52, 0.50),
+    "orange wall": (0.70, 0.52, 0.36),
+}
+WALLS = ("ochre wall", "cream wall", "red wall", "grey wall", "orange wall")
 
-# A shape and its colour; None is the colour of the house's walls.
-Painted = tuple[Colour | None, Shape]
+# A shape and its material; None is that of the house's walls.
+Painted = tuple[str | None, Shape]
 
 KERB, FRONT, NEAR, FAR = 1.8, 3.0, 6.0, -26.0
 STOREY, BAY = 1.55, 1.15
@@ -34,17 +42,17 @@ STOREY, BAY = 1.55, 1.15
 def street() -> Content:
     """Build the model."""
     random = np.random.RandomState(11)
-    model = Model("street")
-    model.add(ROAD, quad((-KERB, 0.0, FAR), (2 * KERB, 0.0, 0.0), (0.0, 0.0, NEAR - FAR)))
+    model = Model("street", PALETTE)
+    model.add("road", quad((-KERB, 0.0, FAR), (2 * KERB, 0.0, 0.0), (0.0, 0.0, NEAR - FAR)))
     for z in np.arange(FAR + 0.5, NEAR - 1.0, 2.0):
-        model.add(LINE, box((-0.05, 0.0, z), (0.05, 0.004, z + 1.0)))
+        model.add("line", box((-0.05, 0.0, z), (0.05, 0.004, z + 1.0)))
     for side in (-1.0, 1.0):
         x0, x1 = sorted((side * KERB, side * (FRONT + 0.2)))
-        model.add(PAVEMENT, box((x0, 0.0, FAR), (x1, 0.09, NEAR)))
+        model.add("pavement", box((x0, 0.0, FAR), (x1, 0.09, NEAR)))
         _row(model, side, random)
         for z in np.arange(-22.0, 4.0, 6.5):
-            model.add(IRON, *_lamp(side, z))
-            model.add(LAMP, sphere((side * 1.35, 2.86, z), 0.13, 20))
+            model.add("iron", *_lamp(side, z))
+            model.add("lamp", sphere((side * 1.35, 2.86, z), 0.13, 20))
         for z in np.arange(-18.5, 4.0, 6.5):
             _tree(model, (side * 2.25, 0.09, z), random)
     return model.content(Camera((-0.9, 0.95, 5.2), (0.35, 1.85, -8.0), vertical_fov=52.0))
@@ -65,7 +73,7 @@ def _row(model: Model, side: float, random: np.random.RandomState) -> None:
 
 
 def _house(bays: int, storeys: int, door: int) -> list[Painted]:
-    """A house as (colour, shape), the walls' colour left open; its front is in the plane z = 0."""
+    """A house as (material, shape), that of the walls left open; its front is in the plane z = 0."""
     width, height, depth = bays * BAY, storeys * STOREY + 0.25, 4.0
     parts: list[Painted] = []
     for storey in range(storeys):
@@ -83,18 +91,18 @@ def _house(bays: int, storeys: int, door: int) -> list[Painted]:
     parts.append((None, quad((0.0, 0.0, -depth), (width, 0.0, 0.0), (0.0, height, 0.0))))
 
     # A plinth course between the floors, a cornice of two steps with brackets, a pitched roof behind it.
-    parts.append((STONE, box((left, STOREY - 0.05, 0.0), (right, STOREY + 0.05, 0.06))))
-    parts.append((STONE, box((left, height - 0.06, -0.1), (right, height + 0.10, 0.12))))
-    parts.append((STONE, box((left, height + 0.10, -0.1), (right, height + 0.18, 0.22))))
+    parts.append(("stone", box((left, STOREY - 0.05, 0.0), (right, STOREY + 0.05, 0.06))))
+    parts.append(("stone", box((left, height - 0.06, -0.1), (right, height + 0.10, 0.12))))
+    parts.append(("stone", box((left, height + 0.10, -0.1), (right, height + 0.18, 0.22))))
     for x in np.arange(0.16, width - 0.05, 0.31):
-        parts.append((STONE, box((x, height - 0.20, 0.0), (x + 0.09, height - 0.06, 0.10))))
+        parts.append(("stone", box((x, height - 0.20, 0.0), (x + 0.09, height - 0.06, 0.10))))
     ridge = 1.3
-    parts.append((ROOF, quad((0.0, height + 0.18, 0.0), (width, 0.0, 0.0), (0.0, ridge, -depth / 2))))
-    parts.append((ROOF, quad((0.0, height + 0.18, -depth), (width, 0.0, 0.0), (0.0, ridge, depth / 2))))
+    parts.append(("roof", quad((0.0, height + 0.18, 0.0), (width, 0.0, 0.0), (0.0, ridge, -depth / 2))))
+    parts.append(("roof", quad((0.0, height + 0.18, -depth), (width, 0.0, 0.0), (0.0, ridge, depth / 2))))
     for x in (left, right):
         gable = np.array([[x, height, 0.0], [x, height, -depth], [x, height + 0.18 + ridge, -depth / 2]])
         parts.append((None, (gable, np.array([[0, 1, 2]]))))
-    parts.append((STONE, box((0.25, height + 0.5, -1.7), (0.65, height + 1.9, -1.3))))
+    parts.append(("stone", box((0.25, height + 0.5, -1.7), (0.65, height + 1.9, -1.3))))
     return parts
 
 
@@ -122,7 +130,7 @@ def _opening(x: float, y: float, sill: float, head: float, is_door: bool) -> lis
         middle, across = 0.5 * (left + right), low + 0.62 * (high - low)
         trim.append(box((middle - 0.02, low, -depth), (middle + 0.02, high, -depth + 0.04)))
         trim.append(box((left, across - 0.02, -depth), (right, across + 0.02, -depth + 0.04)))
-    return [(None, join(*wall)), (DOOR if is_door else GLASS, pane), (STONE, join(*trim))]
+    return [(None, join(*wall)), ("door" if is_door else "glass", pane), ("stone", join(*trim))]
 
 
 def _lamp(side: float, z: float) -> list[Shape]:
@@ -141,14 +149,14 @@ def _tree(model: Model, foot: tuple[float, float, float], random: np.random.Rand
     """A young tree: a trunk, boughs, and some hundreds of leaves scattered about their ends."""
     crown = np.array(foot) + (0.0, 2.0, 0.0)
     trunk = np.linspace(foot, crown, 6) + random.uniform(-0.02, 0.02, (6, 3)) * (1.0, 0.0, 1.0)
-    model.add(BARK, tube(trunk, np.linspace(0.06, 0.035, 6), 9))
+    model.add("bark", tube(trunk, np.linspace(0.06, 0.035, 6), 9))
     heading = np.arange(9) * 2.39996 + random.uniform(0.0, 6.0)
     reach = np.stack([np.cos(heading), random.uniform(0.5, 1.6, 9), np.sin(heading)], axis=-1)
     reach *= random.uniform(0.4, 0.7, (9, 1))
     s = np.linspace(0.0, 1.0, 6)[:, None]
     start = trunk[3:6][np.arange(9) % 3]
     boughs = start[:, None] + reach[:, None] * s + 0.12 * s**2 * np.array([0.0, 1.0, 0.0])
-    model.add(BARK, tube(boughs, np.linspace(0.024, 0.008, 6), 6))
+    model.add("bark", tube(boughs, np.linspace(0.024, 0.008, 6), 6))
 
     # Leaves round the outer part of the boughs, each a short pointed blade that hangs a little.
     at = np.repeat(boughs[:, 2:].reshape(-1, 3), 20, axis=0)
@@ -157,5 +165,5 @@ def _tree(model: Model, foot: tuple[float, float, float], random: np.random.Rand
     t = np.linspace(0.0, 1.0, 4)[:, None]
     blade = at[:, None] + 0.14 * (t * out[:, None] - 0.25 * t**2 * np.array([0.0, 1.0, 0.0]))
     width = 0.040 * np.array([0.2, 1.0, 0.8, 0.0]) * np.ones((len(at), 1))
-    for shade, colour in enumerate(LEAF):
-        model.add(colour, leaves(blade[shade::2], width[shade::2], 0.3))
+    for shade, leaf in enumerate(("dark leaf", "light leaf")):
+        model.add(leaf, leaves(blade[shade::2], width[shade::2], 0.3))

@@ -108,9 +108,9 @@ def _traced(progress: Progress) -> Iterator[tuple[Transport, Transport]]:
 
 def _scene() -> Scene:
     """A wide ground, and a blocker that stands on it."""
-    model = Model("blocker")
-    model.add((0.75, 0.73, 0.70), quad((-20, 0, -20), (40, 0, 0), (0, 0, 40)))
-    model.add((0.45, 0.16, 0.10), box((-0.4, 0.0, -0.04), (0.4, 1.2, 0.04)))
+    model = Model("blocker", {"ground": (0.75, 0.73, 0.70), "blocker": (0.45, 0.16, 0.10)})
+    model.add("ground", quad((-20, 0, -20), (40, 0, 0), (0, 0, 40)))
+    model.add("blocker", box((-0.4, 0.0, -0.04), (0.4, 1.2, 0.04)))
     width, height = _PICTURE
     camera = Camera((0.7, 2.5, 3.4), (0.38, 0.5, 0.3), vertical_fov=33.0, width=width, height=height)
     return Scene.from_content(model.content(camera))

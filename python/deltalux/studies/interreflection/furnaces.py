@@ -143,8 +143,8 @@ def _shell() -> tuple[Scene, float]:
 
 
 def _scene(shapes: Sequence[Shape], eye: tuple[float, float, float], target: tuple[float, float, float]) -> Scene:
-    model = Model("furnace")
-    model.add((0.5, 0.5, 0.5), *shapes)
+    model = Model("furnace", {"grey": (0.5, 0.5, 0.5)})
+    model.add("grey", *shapes)
     width, height = _PICTURE
     return Scene.from_content(model.content(Camera(eye, target, vertical_fov=90.0, width=width, height=height)))
 
