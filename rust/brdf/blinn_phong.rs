@@ -21,7 +21,7 @@ impl BlinnPhong {
     /// Checks the exponent.
     pub fn new(n: f64) -> Result<BlinnPhong> {
         let lobe = Power::new([n, n])?;
-        Ok(BlinnPhong { lobe, constant: (n + 2.0) * (n + 4.0) / (8.0 * PI * ((-0.5 * n).exp2() + n)) })
+        Ok(BlinnPhong { lobe, constant: (n + 2.0) * (n + 4.0) / (8.0 * PI * (libm::exp2(-0.5 * n) + n)) })
     }
 }
 

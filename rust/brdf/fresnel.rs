@@ -1,6 +1,6 @@
 //! The share of unpolarised light that a smooth facet reflects.
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 
 use super::range::within;
 
@@ -21,6 +21,17 @@ pub enum Fresnel {
 }
 
 impl Fresnel {
+    /// What at most one of two descriptions says.
+    pub fn of(n: Option<f64>, k: Option<f64>, f0: Option<f64>) -> Result<Fresnel> {
+        match (n, k, f0) {
+            (None, None, None) => Ok(Fresnel::None),
+            (None, None, Some(f0)) => Fresnel::schlick(f0),
+            (Some(n), k, None) => Fresnel::index(n, k.unwrap_or(0.0)),
+            (None, Some(_), _) => Err(Error::input("expected n beside k, got k alone")),
+            (Some(_), _, Some(_)) => Err(Error::input("expected n or f0, got both")),
+        }
+    }
+
     /// By the reflectance at normal incidence.
     pub fn schlick(f0: f64) -> Result<Fresnel> {
         Ok(Fresnel::Schlick(within("f0", f0, 0.0, 1.0)?))
@@ -35,7 +46,10 @@ impl Fresnel {
     pub fn at(&self, cosine: f64) -> f64 {
         match *self {
             Fresnel::None => 1.0,
-            Fresnel::Schlick(f0) => f0 + (1.0 - f0) * (1.0 - cosine).powi(5),
+            Fresnel::Schlick(f0) => {
+                let square = (1.0 - cosine) * (1.0 - cosine);
+                f0 + (1.0 - f0) * (square * square * (1.0 - cosine))
+            }
             Fresnel::Index { n, k } => index_of_refraction(n, k, cosine),
         }
     }

@@ -2,6 +2,8 @@
 
 use std::f64::consts::TAU;
 
+use libm::{exp, log, log1p};
+
 use crate::error::{Error, Result};
 use crate::sampling::frame;
 
@@ -50,8 +52,8 @@ impl Lafortune {
         // 1 - |axis|² without the subtraction: for Phong it is 0.
         let short: f64 = (0..3).map(|k| (1.0 - self.scale[k]) * (1.0 + self.scale[k]) * wo[k] * wo[k]).sum();
         let square = dot(axis, axis);
-        let logarithm = if short < 0.5 { (-short).ln_1p() } else { square.ln() };
-        let height = (0.5 * self.exponent * logarithm).exp();
+        let logarithm = if short < 0.5 { log1p(-short) } else { log(square) };
+        let height = exp(0.5 * self.exponent * logarithm);
         (above(wo) && square > 0.0).then(|| Axis { direction: unit(axis), height })
     }
 
@@ -64,8 +66,8 @@ impl Lafortune {
         // Near the axis the cosine has lost what a high power needs: |a - b|² = 2 - 2 cos keeps it.
         let apart: Direction = std::array::from_fn(|k| axis[k] - wi[k]);
         let square = dot(apart, apart);
-        let logarithm = if square < 1.0 { (-0.5 * square).ln_1p() } else { cosine.ln() };
-        (self.exponent * logarithm).exp()
+        let logarithm = if square < 1.0 { log1p(-0.5 * square) } else { log(cosine) };
+        exp(self.exponent * logarithm)
     }
 
     /// A constant times the power, where both directions are above the horizon.

@@ -10,9 +10,14 @@
 //! facets.rs     models that follow the half vector, and how they are sampled
 //! fresnel.rs slopes.rs power.rs      parts of models: Fresnel; facets by their slopes (Beckmann), by powers of cosines
 //! lambert.rs mirror.rs blinn_phong.rs ward.rs cook_torrance.rs microfacet.rs ashikhmin_shirley.rs      the models
+//! stored.rs     a model by its number and parameters, as in files
 //! factor.rs     of a lobe that is seen from anywhere, what depends on the light
 //! measured/     tables of measured materials, in three colours
 //! ```
+//!
+//! Values of the models are made of what IEEE 754 rounds, and of exponentials and logarithms of the crate libm: they are the
+//! same to the bit on every machine, as texel columns are made anew from them. Samples, densities of measured tables and
+//! albedos, which are stored or summed up, take the platform's functions.
 //!
 //! Lobes narrower than that of a roughness of 0.002 are refused: mirrors need another method than integrals over texels.
 
@@ -34,6 +39,7 @@ mod power;
 mod quadrature;
 mod range;
 mod slopes;
+pub mod stored;
 pub mod ward;
 
 pub use ashikhmin_shirley::AshikhminShirley;
@@ -47,4 +53,5 @@ pub use measured::Measured;
 pub use microfacet::{Beckmann, Ggx};
 pub use mirror::{Lafortune, phong};
 pub use model::Brdf;
+pub use stored::Stored;
 pub use ward::{Ward, WardDuer};

@@ -32,7 +32,7 @@ impl Power {
             return 1.0;
         }
         let exponent = (self.exponent[0] * x + self.exponent[1] * y) / square;
-        (-0.5 * exponent * square.ln_1p()).exp()
+        libm::exp(-0.5 * exponent * libm::log1p(square))
     }
 
     /// sqrt((e_x + 1) (e_y + 1))

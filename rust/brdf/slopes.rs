@@ -50,7 +50,7 @@ impl Facets for Slopes {
     }
 
     fn density(&self, half: &Half) -> f64 {
-        (-self.squared(half.slope)).exp() / (self.area() * half.cos_h.powi(3))
+        libm::exp(-self.squared(half.slope)) / (self.area() * (half.cos_h * half.cos_h * half.cos_h))
     }
 
     fn widths(&self) -> [f64; 2] {

@@ -36,7 +36,7 @@ impl WardDuer {
 
 /// exp(-tan²theta_h / alpha²) / (4 pi alpha²)
 fn lobe(slopes: &Slopes, half: &Half) -> f64 {
-    (-slopes.squared(half.slope)).exp() / (4.0 * slopes.area())
+    libm::exp(-slopes.squared(half.slope)) / (4.0 * slopes.area())
 }
 
 impl HalfModel for Ward {

@@ -270,7 +270,7 @@ impl Interreflection<'_> {
             }
             let slices: Vec<&[Rows16]> = planes.iter().map(Vec::as_slice).collect();
             let mut out = CompressedGroup::default();
-            compress_group(&slices, &local, &own, &mut out)?;
+            compress_group(&slices, &local, &own, 0.0, &mut out)?;
             for (channel, errors) in unproved.iter().enumerate() {
                 let Some((errors, furnace)) = errors else { continue };
                 let norm = errors.iter().map(|error| error * error).sum::<f64>().sqrt();

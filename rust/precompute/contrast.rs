@@ -19,7 +19,7 @@ pub fn contrast<P: Pass>(pass: &P, pairs: &[[u32; 2]], advance: &Advance) -> Res
         |room, (bundle, out)| {
             let own = bundle * BUNDLE_ROWS..rows.min((bundle + 1) * BUNDLE_ROWS);
             let mut first = 0;
-            pass.bundle(own.clone(), room, &mut |_, planes| {
+            pass.bundle(own.clone(), room, &mut |_, planes, _| {
                 for (column, lanes) in planes[0].iter().enumerate() {
                     let there = lanes.iter().take(own.len() - first).enumerate();
                     there.for_each(|(lane, &value)| out[(first + lane) * columns + column] = value);

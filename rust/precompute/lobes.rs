@@ -11,20 +11,24 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
 
+use rayon::prelude::*;
+
 use crate::basis::cubemap::{direction_to_face_uv, face_point, texel_of};
-use crate::brdf::{Brdf, Factor};
+use crate::brdf::{Brdf, Factor, Stored};
 use crate::error::{Error, Result};
 use crate::sampling::{frame, jitter, mixed};
 use crate::scene::surface::dot;
+use crate::transport::lobes::{self, DIFFUSE, LobeModels, PARAMETERS, RowLobe};
+use crate::transport::sight::texel_columns;
 
-use super::texels::Texels;
+use super::texels::{Texels, place};
 
 /// Parts of a half width, or of the share of the way to the axis that stands for it, that a texel is divided into.
 const FINE: f64 = 3.0;
 /// Off its axis a lobe is as smooth as if it were this share of the way there wide.
 const OFF_AXIS: f64 = 0.25;
-/// Most parts along a side.
-const MOST_PARTS: usize = 32;
+/// Most parts along a side: more than 32 are for texel columns of lobes so narrow that wavelets sample them.
+const MOST_PARTS: usize = 128;
 /// Lobes whose half width is below this share of a texel are sampled, by so many samples along a side.
 const NARROW: f64 = 0.1;
 const SAMPLES: usize = 32;
@@ -33,9 +37,22 @@ const SAMPLES: usize = 32;
 #[derive(Clone, Debug)]
 pub enum Shape {
     /// The lobe of a material, seen by one eye.
-    Seen(Arc<dyn Brdf>),
-    /// A factor of it, whoever sees it.
+    Model(Stored),
+    /// A colour of a measured one.
+    Measured(Arc<dyn Brdf>),
+    /// A factor of a lobe, whoever sees it.
     Factor(Arc<Factor>),
+}
+
+impl Shape {
+    /// What one eye sees; None of a factor.
+    fn seen(&self) -> Option<&dyn Brdf> {
+        match self {
+            Shape::Model(stored) => Some(&*stored.model),
+            Shape::Measured(model) => Some(&**model),
+            Shape::Factor(_) => None,
+        }
+    }
 }
 
 /// The lobes of a list of rows.
@@ -46,16 +63,13 @@ pub struct Lobes {
     of_row: Vec<u16>,
     /// Unit vectors to the eye.
     eyes: Vec<[f32; 3]>,
+    half_widths: Vec<f32>,
 }
-
-/// Of a row without a lobe.
-pub const DIFFUSE: u16 = u16::MAX;
 
 /// A lobe where it stands.
 pub struct Lobe<'a> {
     shape: &'a Shape,
-    /// Tangent, bitangent, normal.
-    frame: [[f64; 3]; 3],
+    local: Local,
     /// To the eye, in that frame.
     wo: [f64; 3],
     /// Where it points to, in space; None where it is as fine everywhere.
@@ -64,13 +78,37 @@ pub struct Lobe<'a> {
 }
 
 impl Lobes {
-    /// Refuses rows that name no model, and eyes that do not belong to them.
-    pub fn new(models: Vec<Shape>, of_row: Vec<u16>, eyes: Vec<[f32; 3]>) -> Result<Self> {
-        if of_row.len() != eyes.len() || of_row.iter().any(|&own| own != DIFFUSE && usize::from(own) >= models.len()) {
+    /// Of rows with these normals. Refuses rows that name no model, and eyes and normals that do not belong to them.
+    pub fn new(models: Vec<Shape>, of_row: Vec<u16>, eyes: Vec<[f32; 3]>, normals: &[[f32; 3]]) -> Result<Self> {
+        let known = |own: &u16| *own == DIFFUSE || usize::from(*own) < models.len();
+        if of_row.len() != eyes.len() || of_row.len() != normals.len() || !of_row.iter().all(known) {
             let (rows, eyes, count) = (of_row.len(), eyes.len(), models.len());
             return Err(Error::input(format!("expected an eye and one of {count} models a row, got {rows}, {eyes}")));
         }
-        Ok(Lobes { models, of_row, eyes })
+        let half_width = |row: usize| match models.get(usize::from(of_row[row])) {
+            Some(Shape::Factor(factor)) => (FINE * factor.width()) as f32,
+            Some(shape) => {
+                let wo = Local::new(normals[row]).of(eyes[row].map(f64::from));
+                shape.seen().map_or(0.0, |model| model.half_width(wo) as f32)
+            }
+            None => 0.0,
+        };
+        let half_widths = (0..of_row.len()).into_par_iter().map(half_width).collect();
+        Ok(Lobes { models, of_row, eyes, half_widths })
+    }
+
+    /// What texel columns are made of: None where no row has a lobe, or one has a factor or a measured one, whose tables are
+    /// not kept.
+    pub fn of_texels(&self) -> Option<lobes::Lobes> {
+        if !self.any() {
+            return None;
+        }
+        Some(lobes::Lobes {
+            models: Arc::new(Models::of(&self.models)?),
+            model: self.of_row.clone().into(),
+            eye: self.eyes.as_flattened().to_vec().into(),
+            half_width: self.half_widths.clone().into(),
+        })
     }
 
     /// Whether any row has one.
@@ -85,43 +123,95 @@ impl Lobes {
 
     /// The lobe of a row with this normal; None of a diffuse one.
     pub fn of(&self, row: usize, normal: [f32; 3]) -> Option<Lobe<'_>> {
-        let own = *self.of_row.get(row).filter(|&&own| own != DIFFUSE)?;
-        let normal = normal.map(f64::from);
-        let [tangent, bitangent] = frame(normal);
-        let frame = [tangent, bitangent, normal];
-        let eye = self.eyes[row].map(f64::from);
-        let wo = frame.map(|axis| dot(axis, eye));
-        let shape = &self.models[usize::from(own)];
-        let (axis, half_width) = match shape {
-            Shape::Seen(model) => (Some(world(&frame, model.axis(wo))), model.half_width(wo)),
-            Shape::Factor(factor) => (None, FINE * factor.width()),
-        };
-        Some(Lobe { shape, frame, wo, axis, half_width })
+        let model = usize::from(*self.of_row.get(row).filter(|&&own| own != DIFFUSE)?);
+        let own = RowLobe { model, normal, eye: self.eyes[row], half_width: self.half_widths[row] };
+        Some(Lobe::new(&self.models[model], &own))
     }
 }
 
-/// A vector of a frame in space.
-fn world(frame: &[[f64; 3]; 3], local: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|k| (0..3).map(|axis| local[axis] * frame[axis][k]).sum())
+/// The models of texel columns.
+struct Models(Vec<Shape>);
+
+impl Models {
+    fn of(shapes: &[Shape]) -> Option<Self> {
+        shapes.iter().all(|shape| matches!(shape, Shape::Model(_))).then(|| Models(shapes.to_vec()))
+    }
+}
+
+/// Models from what a file holds of them: kinds, and parameters one model after the other.
+pub fn models(kinds: &[u32], parameters: &[f64]) -> Result<Arc<dyn LobeModels>> {
+    let stored = kinds.iter().zip(parameters.chunks(PARAMETERS));
+    let models = stored.map(|(&kind, parameters)| Ok(Shape::Model(Stored::new(kind, parameters.to_vec())?)));
+    Ok(Arc::new(Models(models.collect::<Result<_>>()?)))
+}
+
+impl LobeModels for Models {
+    fn count(&self) -> usize {
+        self.0.len()
+    }
+
+    fn means(&self, lobe: &RowLobe, size: usize, texels: &[usize], means: &mut [f32]) {
+        let own = Lobe::new(&self.0[lobe.model], lobe);
+        means.iter_mut().zip(texels).for_each(|(mean, &texel)| *mean = own.mean(size, texel));
+    }
+
+    fn stored(&self) -> (Vec<u32>, Vec<f64>) {
+        let stored = self.0.iter().filter_map(|shape| if let Shape::Model(own) = shape { Some(own) } else { None });
+        let parameters = stored.clone().flat_map(|own| {
+            // What a model lacks is padded, as what it is not given.
+            own.parameters.iter().copied().chain(std::iter::repeat(-1.0)).take(PARAMETERS)
+        });
+        (stored.clone().map(|own| own.kind).collect(), parameters.collect())
+    }
+}
+
+/// The frame of a surface point: tangent, bitangent, normal.
+#[derive(Clone, Copy)]
+struct Local([[f64; 3]; 3]);
+
+impl Local {
+    fn new(normal: [f32; 3]) -> Self {
+        let normal = normal.map(f64::from);
+        let [tangent, bitangent] = frame(normal);
+        Local([tangent, bitangent, normal])
+    }
+
+    /// A direction of space in it.
+    fn of(&self, direction: [f64; 3]) -> [f64; 3] {
+        self.0.map(|axis| dot(axis, direction))
+    }
+
+    /// A direction of the frame in space.
+    fn world(&self, local: [f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|k| (0..3).map(|axis| local[axis] * self.0[axis][k]).sum())
+    }
+}
+
+impl<'a> Lobe<'a> {
+    /// Where a row stands. It, and its means over texels, are made of sums, products, quotients and roots, and of the
+    /// model's values: the same to the bit on every machine.
+    fn new(shape: &'a Shape, own: &RowLobe) -> Self {
+        let local = Local::new(own.normal);
+        let wo = local.of(own.eye.map(f64::from));
+        let axis = shape.seen().map(|model| local.world(model.axis(wo)));
+        Lobe { shape, local, wo, axis, half_width: f64::from(own.half_width) }
+    }
 }
 
 impl Lobe<'_> {
     /// f cos for a unit direction of space.
     pub(super) fn value(&self, direction: [f64; 3]) -> f64 {
-        let wi = self.frame.map(|axis| dot(axis, direction));
+        let wi = self.local.of(direction);
         match self.shape {
-            Shape::Seen(model) if wi[2] > 0.0 => model.evaluate(wi, self.wo) * wi[2],
-            Shape::Seen(_) => 0.0,
             Shape::Factor(factor) => factor.value(wi),
+            Shape::Model(_) | Shape::Measured(_) if wi[2] <= 0.0 => 0.0,
+            Shape::Model(Stored { model, .. }) | Shape::Measured(model) => model.evaluate(wi, self.wo) * wi[2],
         }
     }
 
     /// The density of `samples` at a unit direction of space; None of a factor.
     pub(super) fn pdf(&self, direction: [f64; 3]) -> Option<f64> {
-        match self.shape {
-            Shape::Seen(model) => Some(model.pdf(self.frame.map(|axis| dot(axis, direction)), self.wo)),
-            Shape::Factor(_) => None,
-        }
+        self.shape.seen().map(|model| model.pdf(self.local.of(direction), self.wo))
     }
 
     /// Whether it is a factor of a lobe that is seen from anywhere.
@@ -138,17 +228,14 @@ impl Lobe<'_> {
     /// of a factor, which may be negative.
     pub fn samples(&self, side: usize, seed: u64) -> impl Iterator<Item = ([f64; 3], f64)> {
         let count = (side * side) as f64;
-        let model = match self.shape {
-            Shape::Seen(model) => Some(model),
-            Shape::Factor(_) => None,
-        };
+        let model = self.shape.seen();
         (0..side * side).filter_map(move |k| {
             let model = model?;
             let [x, y] = jitter(mixed(seed) ^ k as u64);
             let at = [((k % side) as f64 + x) / side as f64, ((k / side) as f64 + y) / side as f64];
             let (wi, pdf) = model.sample(self.wo, at)?;
             let weight = model.evaluate(wi, self.wo) * wi[2] / pdf / count;
-            Some((world(&self.frame, wi), weight))
+            Some((self.local.world(wi), weight))
         })
     }
 
@@ -158,17 +245,18 @@ impl Lobe<'_> {
     }
 
     /// pi times the mean of f cos over a texel, which a pass multiplies by sqrt(dw) / pi: as of a diffuse row cos.
-    pub(super) fn mean(&self, texels: &Texels, texel: usize) -> f32 {
-        let size = texels.size;
-        let centre = texels.centre[texel].map(f64::from);
-        let off = self.axis.map_or(0.0, |axis| dot(centre, axis).clamp(-1.0, 1.0).acos() - width(size));
+    pub(super) fn mean(&self, size: usize, texel: usize) -> f32 {
+        let centre = texel_columns(size)[texel].direction.map(f64::from);
+        // The chord is no longer than the angle, and nearly as long where it matters.
+        let chord = |axis: [f64; 3]| [0, 1, 2].map(|k| centre[k] - axis[k]);
+        let off = self.axis.map_or(0.0, |axis| dot(chord(axis), chord(axis)).sqrt() - width(size));
         let fine = self.half_width.max(OFF_AXIS * off);
         let parts = (FINE * width(size) / fine).ceil().max(1.0);
         if parts <= 1.0 {
             return (PI * self.value(centre)) as f32;
         }
         let parts = (parts as usize).next_power_of_two().min(MOST_PARTS);
-        let (face, row, column) = texels.place(texel);
+        let (face, row, column) = place(size, texel);
         let coordinate =
             |whole: usize, part: usize| 2.0 * (whole as f64 + (part as f64 + 0.5) / parts as f64) / size as f64 - 1.0;
         let (mut sum, mut area) = (0.0, 0.0);
@@ -189,7 +277,7 @@ impl Lobe<'_> {
     /// a texel whose centre is below the horizon: what falls into one goes to its highest neighbour.
     pub(super) fn sampled(&self, texels: &Texels, areas: &[f64], seed: u64) -> Vec<(u32, f32)> {
         let size = texels.size;
-        let height = |texel: usize| dot(texels.centre[texel].map(f64::from), self.frame[2]);
+        let height = |texel: usize| dot(texels.centre[texel].map(f64::from), self.local.0[2]);
         let mut hits: Vec<(u32, f64)> = self
             .samples(SAMPLES, seed)
             .map(|(direction, weight)| {

@@ -19,6 +19,6 @@ pub use contrast::contrast;
 pub use direct::DirectPass;
 pub use emission::Emitters;
 pub use links::{FormFactors, Gathering, Links, form_factors, links};
-pub use lobes::{DIFFUSE, Lobes, Shape as LobeShape};
+pub use lobes::{Lobes, Shape as LobeShape, models};
 pub use node_pass::NodePass;
 pub use pass::{Made, Pass, Probed, Rays, Shape, Surveyed, probe, survey, tile};

@@ -54,7 +54,7 @@ impl Pass for NodePass {
             room.mean.fill([0.0; GROUP]);
             let points = group * BUNDLE_ROWS..(group + 1) * BUNDLE_ROWS;
             let mean = &mut room.mean;
-            let made = self.direct.bundle(points, &mut room.direct, &mut |_, planes| {
+            let made = self.direct.bundle(points, &mut room.direct, &mut |_, planes, _| {
                 for (sum, own) in mean.iter_mut().zip(planes[0]) {
                     (0..GROUP).for_each(|lane| sum[lane] += own[lane] * (1.0 / CELL as f32));
                 }
@@ -65,7 +65,7 @@ impl Pass for NodePass {
             for lane in rows.end.min((group + 1) * GROUP) - group * GROUP..GROUP {
                 room.mean.iter_mut().for_each(|row| row[lane] = 0.0);
             }
-            take(0, &[&room.mean])?;
+            take(0, &[&room.mean], 0.0)?;
         }
         Ok(Made { rays, seen: None })
     }

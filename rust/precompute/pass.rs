@@ -12,6 +12,7 @@ use rayon::prelude::*;
 use crate::basis::Bands;
 use crate::error::{Error, Result};
 use crate::transport::entry::Channels;
+use crate::transport::lobes::Lobes;
 use crate::transport::sight::{Encoded, Seen, Sight};
 use crate::transport::{
     CompressedGroup, GROUP, MAX_TILE_ROWS, Measure, Rows16, Survey, Tile, Truncation, Width, compress_group,
@@ -46,12 +47,14 @@ impl Rays {
 }
 
 /// What a pass makes: `factors` matrices of `rows` x `bands.columns()`, each of so many channels.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Shape {
     /// Receivers, over all tiles.
     pub rows: usize,
     /// Texels along a face, where some columns are texels (of the first factor).
     pub texels: Option<usize>,
+    /// The lobes that those have for cosines, where any row is glossy.
+    pub lobes: Option<Lobes>,
     /// How the columns group; the same for all factors.
     pub bands: Bands,
     /// One number for all colours, or one each.
@@ -60,8 +63,9 @@ pub struct Shape {
     pub factors: usize,
 }
 
-/// Takes 16 finished rows of a factor: `(factor, planes)`, columns x 16 for each channel. Groups of a factor come in order.
-pub type Take<'a> = dyn FnMut(usize, &[&[Rows16]]) -> Result<()> + 'a;
+/// Takes 16 finished rows of a factor: `(factor, planes, beside)`, columns x 16 for each channel, and the norm of the longest
+/// of the rows in texel columns. Groups of a factor come in order.
+pub type Take<'a> = dyn FnMut(usize, &[&[Rows16]], f64) -> Result<()> + 'a;
 
 /// Hears of every bundle's rows, and may stop the pass.
 pub type Advance<'a> = dyn Fn(u64) -> Result<()> + Sync + 'a;
@@ -96,7 +100,7 @@ pub fn tile<P: Pass>(
     rules: &[Truncation],
     advance: &Advance,
 ) -> Result<(Vec<Tile>, Rays)> {
-    let Shape { rows: all, texels, bands, channels, factors } = pass.shape();
+    let Shape { rows: all, texels, lobes, bands, channels, factors } = pass.shape();
     if rows.is_empty() || rows.end > *all || rows.len() > MAX_TILE_ROWS || rules.len() != *factors {
         let (first, count) = (rows.start, rows.len());
         return Err(Error::input(format!(
@@ -114,13 +118,15 @@ pub fn tile<P: Pass>(
             |room, start| {
                 let own = start..(start + BUNDLE_ROWS).min(rows.end);
                 let mut groups = vec![Vec::new(); *factors];
-                let Made { rays, seen } = pass.bundle(own.clone(), room, &mut |factor, planes| {
+                let Made { rays, seen } = pass.bundle(own.clone(), room, &mut |factor, planes, beside| {
                     let mut out = CompressedGroup::default();
-                    compress_group(planes, bands, &rules[factor], &mut out)?;
+                    compress_group(planes, bands, &rules[factor], beside, &mut out)?;
                     groups[factor].push(out);
                     Ok(())
                 })?;
-                let sight = seen.zip(*texels).map(|(seen, size)| Encoded::new(&seen, size, rules[0].quantum));
+                let shifts = || groups[0].iter().map(|group| group.least).collect();
+                let encode = |(seen, size): (Seen, usize)| Encoded::new(&seen, size, rules[0].quantum, shifts());
+                let sight = seen.zip(*texels).map(encode);
                 if let Some(sight) = &sight {
                     add_norms(&mut groups[0], sight, bands);
                 }
@@ -142,7 +148,8 @@ pub fn tile<P: Pass>(
         Tile::assemble(rows.len(), bands.stored(), *channels, rule.width, groups)
     };
     let mut tiles: Vec<Tile> = groups.iter().zip(rules).map(assemble).collect();
-    tiles[0].sight = texels.map(|size| Sight::join(size, rules[0].quantum, &sights));
+    let lobes = || lobes.as_ref().map(|lobes| lobes.part(rows.clone()));
+    tiles[0].sight = texels.map(|size| Sight::join(size, rules[0].quantum, lobes(), &sights));
     Ok((tiles, rays))
 }
 
@@ -201,7 +208,7 @@ pub fn survey<P: Pass>(
     lights: &Arc<Vec<Measure>>,
     advance: &Advance,
 ) -> Result<(Vec<Surveyed>, Rays)> {
-    let Shape { rows: total, texels, bands, channels, factors } = pass.shape();
+    let Shape { rows: total, texels, lobes, bands, channels, factors } = pass.shape();
     let count = bundles.min(total.div_ceil(BUNDLE_ROWS));
     let lossless = rules.iter().map(|rule| rule.lossless(Width::I16)).collect::<Result<Vec<_>>>()?;
     let new = |rule| Survey::new(bands, rule, Arc::clone(lights));
@@ -213,18 +220,19 @@ pub fn survey<P: Pass>(
             |room, k| {
                 let rows = spread(pass, k, count);
                 let (mut surveys, mut first) = (empty.clone(), vec![None; *factors]);
-                let Made { rays, seen } = pass.bundle(rows.clone(), room, &mut |factor, planes| {
+                let Made { rays, seen } = pass.bundle(rows.clone(), room, &mut |factor, planes, beside| {
                     surveys[factor].add(planes)?;
                     if first[factor].is_none() {
                         let mut group = CompressedGroup::default();
-                        compress_group(planes, bands, &lossless[factor], &mut group)?;
+                        compress_group(planes, bands, &lossless[factor], beside, &mut group)?;
                         first[factor] = Some(group);
                     }
                     Ok(())
                 })?;
                 advance(rows.len() as u64)?;
-                let encoded = seen.as_ref().zip(*texels).map(|(seen, size)| Encoded::new(seen, size, rules[0].quantum));
-                let texel_bytes = encoded.map_or(0, |encoded| encoded.nbytes());
+                let shifts = vec![0; rows.len().div_ceil(GROUP)];
+                let encode = |(seen, size): (&Seen, usize)| Encoded::new(seen, size, rules[0].quantum, shifts);
+                let texel_bytes = seen.as_ref().zip(*texels).map(encode).map_or(0, |encoded| encoded.nbytes());
                 Ok(Looked { surveys, first, group: rows.start / GROUP, seen, texel_bytes, rays })
             },
         )
@@ -240,12 +248,14 @@ pub fn survey<P: Pass>(
         looked.iter().for_each(|bundle| survey.merge(&bundle.surveys[factor]));
         let mut audited: Vec<CompressedGroup> = kept.iter().filter_map(|&k| looked[k].first[factor].clone()).collect();
         let sights = match texels {
-            Some(size) if factor == 0 => sights_of(&looked, &kept, *size, rules[0].quantum),
+            Some(size) if factor == 0 => sights_of(&looked, &kept, &audited, *size, rules[0].quantum),
             _ => Vec::new(),
         };
         audited.chunks_mut(BUNDLE_ROWS / GROUP).zip(&sights).for_each(|(own, sight)| add_norms(own, sight, bands));
         let mut audit = Tile::assemble(audited.len() * GROUP, bands.stored(), *channels, Width::I16, &audited);
-        audit.sight = texels.filter(|_| factor == 0).map(|size| Sight::join(size, rules[0].quantum, &sights));
+        let rows = kept.iter().flat_map(|&k| (looked[k].group * GROUP..).take(GROUP));
+        let lobes = || lobes.as_ref().map(|lobes| lobes.picked(rows.clone()));
+        audit.sight = texels.filter(|_| factor == 0).map(|size| Sight::join(size, rules[0].quantum, lobes(), &sights));
         let groups = kept.iter().map(|&k| looked[k].group as u32).collect();
         let texel_bytes = looked.iter().map(|own| own.texel_bytes as f64).sum::<f64>() / looked.len().max(1) as f64;
         Surveyed { survey, groups, audit, texel_bytes }
@@ -254,19 +264,22 @@ pub fn survey<P: Pass>(
     Ok((empty.into_iter().enumerate().map(of_factor).collect(), rays))
 }
 
-/// What the first groups of the bundles `kept` see, four groups a bundle.
-fn sights_of(looked: &[Looked], kept: &[usize], size: usize, quantum: i32) -> Vec<Encoded> {
-    let bundle = |four: &[usize]| {
-        let mut seen = Seen { normals: Vec::new(), open: vec![0; 6 * size * size] };
+/// What the first groups of the bundles `kept` see, four groups a bundle, in the units of `groups`.
+fn sights_of(looked: &[Looked], kept: &[usize], groups: &[CompressedGroup], size: usize, quantum: i32) -> Vec<Encoded> {
+    const EACH: usize = BUNDLE_ROWS / GROUP;
+    let bundle = |(four, groups): (&[usize], &[CompressedGroup])| {
+        let mut seen = Seen { normals: Vec::new(), open: vec![0; 6 * size * size], means: Vec::new() };
         for (place, own) in four.iter().filter_map(|&k| looked[k].seen.as_ref()).enumerate() {
             seen.normals.extend(&own.normals[..GROUP]);
+            let first = own.means.iter().filter(|(row, _)| *row < GROUP);
+            seen.means.extend(first.map(|(row, means)| (place * GROUP + row, means.clone())));
             for (open, own) in seen.open.iter_mut().zip(&own.open) {
                 *open |= (own & 0xffff) << (place * GROUP);
             }
         }
-        Encoded::new(&seen, size, quantum)
+        Encoded::new(&seen, size, quantum, groups.iter().map(|group| group.least).collect())
     };
-    kept.chunks(BUNDLE_ROWS / GROUP).map(bundle).collect()
+    kept.chunks(EACH).zip(groups.chunks(EACH)).map(bundle).collect()
 }
 
 /// What a probe has found.
@@ -295,8 +308,8 @@ pub fn probe<P: Pass>(pass: &P, seconds: f64, rules: &[Truncation], advance: &Ad
                 let started = Instant::now();
                 let rows = spread(pass, k, count.min(all));
                 let mut group = CompressedGroup::default();
-                let Made { rays, .. } = pass.bundle(rows, room, &mut |factor, planes| {
-                    compress_group(planes, &pass.shape().bands, &rules[factor], &mut group)
+                let Made { rays, .. } = pass.bundle(rows, room, &mut |factor, planes, beside| {
+                    compress_group(planes, &pass.shape().bands, &rules[factor], beside, &mut group)
                 })?;
                 advance(0)?;
                 Ok((rays, started.elapsed().as_secs_f64()))

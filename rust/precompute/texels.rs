@@ -36,6 +36,12 @@ pub(super) struct Sample {
     pub slopes: [f32; 2],
 }
 
+/// Face, row and column of a texel.
+pub(super) fn place(size: usize, texel: usize) -> (usize, usize, usize) {
+    let in_face = texel % (size * size);
+    (texel / (size * size), in_face / size, in_face % size)
+}
+
 fn unit(point: [f64; 3]) -> [f32; 3] {
     let length = point.iter().map(|x| x * x).sum::<f64>().sqrt();
     point.map(|x| (x / length) as f32)
@@ -86,8 +92,7 @@ impl Texels {
 
     /// Face, row and column of a texel.
     pub fn place(&self, texel: usize) -> (usize, usize, usize) {
-        let in_face = texel % (self.size * self.size);
-        (texel / (self.size * self.size), in_face / self.size, in_face % self.size)
+        place(self.size, texel)
     }
 
     /// Sample `k` of `side` x `side` stratified ones of a texel, jittered by a hash of its number: all receivers share it.

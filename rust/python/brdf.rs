@@ -33,17 +33,6 @@ impl Brdf {
     }
 }
 
-/// What at most one of two descriptions says.
-fn fresnel(n: Option<f64>, k: Option<f64>, f0: Option<f64>) -> Result<Fresnel> {
-    match (n, k, f0) {
-        (None, None, None) => Ok(Fresnel::None),
-        (None, None, Some(f0)) => Fresnel::schlick(f0),
-        (Some(n), k, None) => Fresnel::index(n, k.unwrap_or(0.0)),
-        (None, Some(_), _) => Err(Error::input("expected n beside k, got k alone")),
-        (Some(_), _, Some(_)) => Err(Error::input("expected n or f0, got both")),
-    }
-}
-
 /// Refuses arrays of different lengths.
 fn pairs<'a>(
     wi: &'a PyReadonlyArray2<'_, f64>,
@@ -143,19 +132,19 @@ impl Brdf {
     #[staticmethod]
     #[pyo3(signature = (sigma, n, k))]
     fn cook_torrance(sigma: f64, n: Option<f64>, k: Option<f64>) -> PyResult<Brdf> {
-        Brdf::of(CookTorrance::new(sigma, fresnel(n, k, None)?))
+        Brdf::of(CookTorrance::new(sigma, Fresnel::of(n, k, None)?))
     }
 
     #[staticmethod]
     #[pyo3(signature = (alpha, alpha_v, n, k))]
     fn beckmann(alpha: f64, alpha_v: f64, n: Option<f64>, k: Option<f64>) -> PyResult<Brdf> {
-        Brdf::of(Beckmann::new([alpha, alpha_v], fresnel(n, k, None)?))
+        Brdf::of(Beckmann::new([alpha, alpha_v], Fresnel::of(n, k, None)?))
     }
 
     #[staticmethod]
     #[pyo3(signature = (alpha, alpha_v, n, k))]
     fn ggx(alpha: f64, alpha_v: f64, n: Option<f64>, k: Option<f64>) -> PyResult<Brdf> {
-        Brdf::of(Ggx::new([alpha, alpha_v], fresnel(n, k, None)?))
+        Brdf::of(Ggx::new([alpha, alpha_v], Fresnel::of(n, k, None)?))
     }
 
     #[staticmethod]
@@ -167,7 +156,7 @@ impl Brdf {
         k: Option<f64>,
         f0: Option<f64>,
     ) -> PyResult<Brdf> {
-        Brdf::of(AshikhminShirley::new([exponent, exponent_v], fresnel(n, k, f0)?))
+        Brdf::of(AshikhminShirley::new([exponent, exponent_v], Fresnel::of(n, k, f0)?))
     }
 
     /// f of wi (n, 3) and wo (n, 3): (n,) float64.

@@ -40,6 +40,7 @@ impl ReceiverTable {
             position: to_vec_of_rows("position", position, rows)?.into(),
             normal: to_vec_of_rows("normal", normal, rows)?.into(),
             material: material.map(|material| to_vec(material).into()),
+            lobes: None,
             kind,
         })
     }

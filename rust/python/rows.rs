@@ -6,15 +6,16 @@ use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyAr
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
-use crate::brdf::Factor;
 use crate::brdf::measured::Colour;
+use crate::brdf::{Factor, Stored};
 use crate::error::{Error, Result};
-use crate::precompute::{DIFFUSE, LobeShape, Lobes};
+use crate::precompute::{LobeShape, Lobes};
 use crate::scene::{self as core, Mesh, Points, Vertices};
+use crate::transport::lobes::DIFFUSE;
 use crate::transport::{ReceiverKind, ReceiverTable as Table};
 
 use super::arrays::{rows, rows_of, to_vec, to_vec_of_rows, vectors};
-use super::brdf::{Brdf as Model, Measured};
+use super::brdf::Measured;
 use super::compute;
 use super::receivers::ReceiverTable;
 
@@ -62,10 +63,10 @@ pub(super) struct Receivers {
     kind: Kind,
 }
 
-/// A lobe of a material: a model, or one colour of a measured table.
+/// A lobe of a material: a model by its number and parameters, or one colour of a measured table.
 #[derive(FromPyObject)]
 enum OneLobe<'py> {
-    Model(Bound<'py, Model>),
+    Model(u32, Vec<f64>),
     Measured(Bound<'py, Measured>, usize),
 }
 
@@ -176,9 +177,9 @@ impl Receivers {
         let mut models: Vec<LobeShape> = Vec::new();
         let mut number = |lobe: &OneLobe<'_>| {
             models.push(match lobe {
-                OneLobe::Model(model) => LobeShape::Seen(Arc::clone(&model.get().model)),
+                OneLobe::Model(kind, parameters) => LobeShape::Model(Stored::new(*kind, parameters.clone())?),
                 OneLobe::Measured(table, channel) => {
-                    LobeShape::Seen(Arc::new(Colour::new(Arc::clone(&table.get().table), *channel)?))
+                    LobeShape::Measured(Arc::new(Colour::new(Arc::clone(&table.get().table), *channel)?))
                 }
             });
             numbered(models.len())
@@ -200,13 +201,14 @@ impl Receivers {
         };
         let of_row = all.iter().map(|(_, lobe)| lobe.map_or(DIFFUSE, |(_, model)| model)).collect();
         let eyes = all.iter().map(|&(row, _)| to_eye(row)).collect();
+        let lobes = Arc::new(Lobes::new(models, of_row, eyes, &points.normal)?);
         let picked = |items: &[u32]| all.iter().map(|&(row, _)| items[row]).collect::<Vec<u32>>();
         Ok(Receivers {
             position: all.iter().map(|&(row, _)| self.position[row]).collect(),
             triangle: picked(&self.triangle),
             barycentric: all.iter().map(|&(row, _)| self.barycentric[row]).collect(),
             back: all.iter().map(|&(row, _)| self.back[row]).collect(),
-            lobes: Arc::new(Lobes::new(models, of_row, eyes)?),
+            lobes,
             lobe: all.iter().map(|(_, lobe)| lobe.map_or(-1, |(place, _)| place as i32)).collect(),
             base: (0..all.len() as u32).collect(),
             points: Arc::new(points),
@@ -262,7 +264,7 @@ impl Receivers {
             triangle: picked(&all, &self.triangle),
             barycentric: picked(&all, &self.barycentric),
             back: picked(&all, &self.back),
-            lobes: Arc::new(Lobes::new(models, of_row, eyes)?),
+            lobes: Arc::new(Lobes::new(models, of_row, eyes, &points.normal)?),
             lobe: all.iter().map(|&(_, place, _)| place).collect(),
             base: all.iter().map(|&(row, ..)| row as u32).collect(),
             rays: self.rays,
@@ -353,8 +355,15 @@ impl Receivers {
         })
     }
 
-    /// The rows of a transport: with what the materials say of each, albedo (rows, 3) float32 and material (rows,) uint16.
-    fn table(&self, albedo: PyReadonlyArray2<'_, f32>, material: PyReadonlyArray1<'_, u16>) -> PyResult<ReceiverTable> {
+    /// The rows of a transport: with what the materials say of each, albedo (rows, 3) float32 and material (rows,) uint16,
+    /// and with their lobes, where `texels` are columns that may be made of them.
+    #[pyo3(signature = (albedo, material, texels = false))]
+    fn table(
+        &self,
+        albedo: PyReadonlyArray2<'_, f32>,
+        material: PyReadonlyArray1<'_, u16>,
+        texels: bool,
+    ) -> PyResult<ReceiverTable> {
         let kind = match &self.kind {
             Kind::Pixels { image, pixel, weight, background } => ReceiverKind::Pixels {
                 image: *image,
@@ -372,6 +381,7 @@ impl Receivers {
             position: self.position.as_flattened().to_vec().into(),
             normal: self.points.normal.as_flattened().to_vec().into(),
             material: Some(to_vec(&material).into()),
+            lobes: self.lobes.of_texels().filter(|_| texels),
             kind,
         })?)
     }

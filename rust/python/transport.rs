@@ -4,15 +4,17 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use numpy::{
-    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArrayDyn,
-    PyUntypedArrayMethods,
+    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
+    PyReadonlyArrayDyn, PyUntypedArrayMethods,
 };
 use pyo3::exceptions::{PyIndexError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::basis::ColumnSpace;
+use crate::brdf::Stored;
 use crate::error::{Error, Result};
+use crate::precompute::{LobeShape, Lobes, models};
 use crate::transport::clustering::labels;
 use crate::transport::entry::entry_bytes;
 use crate::transport::{
@@ -21,7 +23,7 @@ use crate::transport::{
 };
 use crate::update::{Chain, Mix};
 
-use super::arrays::vectors;
+use super::arrays::{to_vec, vectors};
 use super::beside::arrays_beside;
 use super::pieces::{Link, TileData};
 use super::receivers::ReceiverTable;
@@ -84,6 +86,9 @@ impl Transport {
     }
 }
 
+/// Models, of each row which, and its eye.
+type LobeArrays<'py> = (Vec<(u32, Vec<f64>)>, PyReadonlyArray1<'py, u16>, PyReadonlyArray2<'py, f32>);
+
 /// How wide the integers of a matrix are.
 fn width_of(matrix: &TransportMatrix) -> Width {
     match matrix.tiles.first().map(|tile| &tile.values) {
@@ -100,15 +105,17 @@ impl Transport {
     #[staticmethod]
     fn open(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         compute(py, || {
-            let opened = open(&path)?;
+            let opened = open(&path, &models)?;
             Ok(Transport::new(opened.product.clone(), Some(opened)))
         })
     }
 
     /// Compresses a dense array, (rows, columns) or (rows, columns, 3) of float64, in memory. Where some columns are texels
-    /// the array lacks them: `texels` is (unit normals (rows, 3) float32, whether open (rows, texels) bool).
+    /// the array lacks them: `texels` is (unit normals (rows, 3) float32, whether open (rows, texels) bool). Of glossy rows
+    /// those are made of `lobes`: models (number, parameters), of each row which (rows,) uint16, 65535 of diffuse ones, and
+    /// unit vectors to the eye (rows, 3) float32.
     #[staticmethod]
-    #[pyo3(signature = (array, *, columns, tile_rows = 16384, width = "i16", quantum = -24, threshold = 0.0, texels = None))]
+    #[pyo3(signature = (array, *, columns, tile_rows = 16384, width = "i16", quantum = -24, threshold = 0.0, texels = None, lobes = None))]
     #[allow(clippy::too_many_arguments)]
     fn from_dense(
         py: Python<'_>,
@@ -119,6 +126,7 @@ impl Transport {
         quantum: i32,
         threshold: f64,
         texels: Option<(PyReadonlyArray2<'_, f32>, PyReadonlyArray2<'_, bool>)>,
+        lobes: Option<LobeArrays<'_>>,
     ) -> PyResult<Self> {
         let (rows, width_of_array, channels) = match *array.shape() {
             [rows, columns] => (rows, columns, Channels::One),
@@ -146,11 +154,19 @@ impl Transport {
             ))
             .into());
         }
+        let lobes = match (lobes, &texels) {
+            (Some((models, of_row, eyes)), Some((Ok(normals), _))) => {
+                let model = |(kind, parameters)| Ok(LobeShape::Model(Stored::new(kind, parameters)?));
+                let models = models.into_iter().map(model).collect::<Result<_>>()?;
+                Lobes::new(models, to_vec(&of_row), vectors("eyes", &eyes)?, normals)?.of_texels()
+            }
+            _ => None,
+        };
         compute(py, || {
             let rule = Truncation::new(&space.bands(), threshold, quantum, width)?;
             let mut matrix = dense.compress(space, &rule, tile_rows)?;
             if let Some((normals, open)) = texels {
-                matrix = matrix.with_sight(&normals?, |row, texel| open[(row, texel)]);
+                matrix = matrix.with_sight(&normals?, lobes.as_ref(), |row, texel| open[(row, texel)]);
             }
             Ok(Transport::new(Product::one(Arc::new(matrix)), None))
         })

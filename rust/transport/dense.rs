@@ -4,6 +4,7 @@ use crate::basis::ColumnSpace;
 use crate::error::{Error, Result};
 
 use super::entry::{Channels, GROUP, MAX_TILE_ROWS, Rows16};
+use super::lobes::Lobes;
 use super::matrix::TransportMatrix;
 use super::sight::{BUNDLE, Encoded, Seen, Sight};
 use super::tile::{CompressedGroup, Tile};
@@ -80,7 +81,7 @@ impl Dense {
                 let mut group = CompressedGroup::default();
                 let planes = self.planes(row);
                 let planes: Vec<&[Rows16]> = planes.iter().map(Vec::as_slice).collect();
-                compress_group(&planes, &bands, rule, &mut group).map(|()| group)
+                compress_group(&planes, &bands, rule, 0.0, &mut group).map(|()| group)
             });
             Ok(Tile::assemble(rows, bands.stored(), self.channels, rule.width, &groups.collect::<Result<Vec<_>>>()?))
         });
@@ -105,17 +106,34 @@ impl Dense {
 }
 
 impl TransportMatrix {
-    /// Gives a matrix made from numbers its texel columns: `normals` of its rows, and whether (row, texel) is open.
-    pub fn with_sight(mut self, normals: &[[f32; 3]], open: impl Fn(usize, usize) -> bool) -> TransportMatrix {
+    /// Gives a matrix made from numbers its texel columns: `normals` of its rows, lobes where any is glossy, and whether (row,
+    /// texel) is open. Their units are the matrix's: rows longer than those can hold are not followed exactly.
+    pub fn with_sight(
+        mut self,
+        normals: &[[f32; 3]],
+        lobes: Option<&Lobes>,
+        open: impl Fn(usize, usize) -> bool,
+    ) -> TransportMatrix {
         let (bands, quantum, tile_rows) = (&self.bands, self.quantum, self.tile_rows);
+        let texels: Vec<usize> = (0..bands.texels).collect();
         let size = self.space.texels().expect("a space with texels");
         for (number, tile) in self.tiles.iter_mut().enumerate() {
             let rows = number * tile_rows..number * tile_rows + tile.rows;
             let bundle = |first: usize| {
                 let own = first..rows.end.min(first + BUNDLE);
                 let bits = |texel| own.clone().fold(0, |bits, row| bits | u64::from(open(row, texel)) << (row - first));
-                let seen = Seen { normals: normals[own.clone()].to_vec(), open: (0..bands.texels).map(bits).collect() };
-                Encoded::new(&seen, size, quantum)
+                let means = |row: usize| {
+                    let lobe = lobes?.of(row, normals[row])?;
+                    let mut means = vec![0.0; texels.len()];
+                    lobes?.models.means(&lobe, size, &texels, &mut means);
+                    Some((row - first, means))
+                };
+                let seen = Seen {
+                    normals: normals[own.clone()].to_vec(),
+                    open: texels.iter().map(|&texel| bits(texel)).collect(),
+                    means: own.clone().filter_map(means).collect(),
+                };
+                Encoded::new(&seen, size, quantum, vec![0; own.len().div_ceil(GROUP)])
             };
             let parts: Vec<Encoded> = rows.clone().step_by(BUNDLE).map(bundle).collect();
             let (mut kept, mut dropped) = (tile.kept.to_vec(), tile.dropped.to_vec());
@@ -124,7 +142,8 @@ impl TransportMatrix {
                 (kept[place], dropped[place]) = (norms[0], norms[1]);
             }
             (tile.kept, tile.dropped) = (kept.into(), dropped.into());
-            tile.sight = Some(Sight::join(size, quantum, &parts));
+            let lobes = lobes.map(|lobes| lobes.part(rows.clone()));
+            tile.sight = Some(Sight::join(size, quantum, lobes, &parts));
         }
         self
     }

@@ -73,13 +73,12 @@ impl TransportMatrix {
             }
         }
         if let Some(sight) = &tile.sight {
-            let columns = texel_columns(sight.size);
-            let mut masks = vec![0; columns.len()];
-            sight.masks(row % self.tile_rows / BUNDLE, &Texels::new(sight.size, 0..columns.len()), &mut masks);
-            let values = dense[self.bands.stored()..].iter_mut().zip(columns).zip(masks);
-            values.for_each(|((value, column), mask)| {
+            let mut masks = vec![0; self.bands.texels];
+            sight.masks(row % self.tile_rows / BUNDLE, &Texels::new(sight.size, 0..masks.len()), &mut masks);
+            let values = dense[self.bands.stored()..].iter_mut().zip(masks).enumerate();
+            values.for_each(|(texel, (value, mask))| {
                 let open = (mask >> (group * GROUP % BUNDLE)) as u16;
-                *value = sight.lanes(group, open, column)[lane];
+                *value = sight.lanes(group, open, texel)[lane];
             });
         }
         dense
@@ -194,11 +193,10 @@ impl TransportMatrix {
                 let stored = self.bands.stored();
                 let first = (chunk * COLUMNS).max(stored);
                 let texels = first - stored..(chunk * COLUMNS + results.len() / k).max(first) - stored;
-                let columns = &texel_columns(sight.size)[texels.clone()];
-                sight.for_each_open(&Texels::new(sight.size, texels), |group, place, open| {
+                sight.for_each_open(&Texels::new(sight.size, texels.clone()), |group, place, open| {
                     let row = number * self.tile_rows + group * GROUP;
                     let at = (first - chunk * COLUMNS + place) * k;
-                    add(row, 0, &sight.lanes(group, open, &columns[place]), &mut results[at..at + k]);
+                    add(row, 0, &sight.lanes(group, open, texels.start + place), &mut results[at..at + k]);
                 });
             }
         });
@@ -224,10 +222,7 @@ impl Tile {
                 // Texels stand behind all other columns.
                 let open = |(texel, mask): (usize, &u64)| (texel, (mask >> first) as u16);
                 let seen = masks.iter().enumerate().map(open).filter(|(_, open)| *open != 0);
-                let columns = texel_columns(sight.size);
-                lanes.extend(
-                    seen.map(|(texel, open)| ((texels + texel) as u32, sight.lanes(number, open, &columns[texel]))),
-                );
+                lanes.extend(seen.map(|(texel, open)| ((texels + texel) as u32, sight.lanes(number, open, texel))));
             }
             for lane in 0..GROUP.min(self.rows + 1 - csr.indptr.len()) {
                 for (column, values) in &lanes {

@@ -1,5 +1,6 @@
 //! Receivers: what the rows of M are.
 
+use super::lobes::Lobes;
 use super::slab::Slab;
 
 /// The rows of M: surface points, and what they stand for.
@@ -13,6 +14,8 @@ pub struct ReceiverTable {
     pub normal: Slab<f32>,
     /// The number of each row's material, where the scene has them.
     pub material: Option<Slab<u16>>,
+    /// Lobes of rows, where texel columns are made of them.
+    pub lobes: Option<Lobes>,
     /// What the points stand for, with what that takes.
     pub kind: ReceiverKind,
 }
@@ -93,6 +96,10 @@ impl ReceiverTable {
         check_shares("albedo", &self.albedo)?;
         check_finite("position", &self.position)?;
         check_finite("normal", &self.normal)?;
+        if let Some(lobes) = &self.lobes {
+            check_length("lobe", lobes.model.len(), rows)?;
+            lobes.check(&self.normal)?;
+        }
         match &self.kind {
             ReceiverKind::Pixels { image, pixel, weight, background } => {
                 let pixels = image[0].checked_mul(image[1]).ok_or("expected an image of at most 2^28 pixels")?;
@@ -128,6 +135,7 @@ impl ReceiverTable {
             position: gathered::<f32, 3>(&self.position, order),
             normal: gathered::<f32, 3>(&self.normal, order),
             material: self.material.as_ref().map(|material| gathered::<u16, 1>(material, order)),
+            lobes: self.lobes.as_ref().map(|lobes| lobes.picked(order.iter().map(|&row| row as usize))),
             kind: match &self.kind {
                 ReceiverKind::Pixels { image, pixel, weight, background } => ReceiverKind::Pixels {
                     image: *image,
@@ -154,6 +162,7 @@ impl ReceiverTable {
             ReceiverKind::Vertices { vertex, buried } => 4 * vertex.len() + buried.len(),
             ReceiverKind::Gather { area } => 4 * area.len(),
         };
-        4 * floats + 2 * self.material.as_ref().map_or(0, |material| material.len()) + own
+        let lobes = self.lobes.as_ref().map_or(0, Lobes::nbytes);
+        4 * floats + lobes + 2 * self.material.as_ref().map_or(0, |material| material.len()) + own
     }
 }

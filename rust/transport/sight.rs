@@ -9,7 +9,9 @@
 //! ```
 //!
 //! A row keeps its normal and one bit a texel, which the first ray to the texel has answered; the cosine is made anew, on
-//! the grid 2^quantum of all of M, from numbers and operations that are the same on every machine.
+//! the grid 2^quantum of all of M, from numbers and operations that are the same on every machine. A glossy row has the mean
+//! of its lobe over the texel in the place of the cosine over pi (`lobes.rs`); a group that a narrow lobe takes beyond what
+//! sums hold exactly has a coarser unit, which its entries share (`truncate.rs`).
 //!
 //! Bits come in masks of 64 neighbouring rows. A block of 8 x 8 texels that all rows see, or none, costs four bytes.
 //! Others are streams: a byte that says which of a mask's eight bytes differ from the mask before, then those bytes; rows
@@ -22,6 +24,7 @@ use std::sync::OnceLock;
 use crate::basis::cubemap::{curve_place, solid_angles, texel_direction};
 
 use super::entry::{GROUP, Rows16, bf16_up, nearest_integer, power_of_two};
+use super::lobes::Lobes;
 use super::slab::Slab;
 
 /// Rows of a mask.
@@ -93,6 +96,8 @@ pub struct Seen {
     pub normals: Vec<[f32; 3]>,
     /// For each texel the rows that see it, one bit each.
     pub open: Vec<u64>,
+    /// Of each glossy row its number, and what it has for a cosine at every texel that it sees.
+    pub means: Vec<(usize, Vec<f32>)>,
 }
 
 /// Texel bits of a tile.
@@ -104,6 +109,10 @@ pub struct Sight {
     pub quantum: i32,
     /// Unit normals, `[row][xyz]`.
     pub normals: Slab<f32>,
+    /// Lobes of the rows, where any is glossy.
+    pub lobes: Option<Lobes>,
+    /// Of each group: its values are integers times 2^(quantum + shift). Empty, and 0, where no row is glossy.
+    pub shifts: Slab<u8>,
     /// For each bundle and block where its stream begins, or `CLOSED` or `OPEN`.
     pub blocks: Slab<u32>,
     /// Masks, block after block.
@@ -114,6 +123,7 @@ pub struct Sight {
 #[derive(Clone, Debug)]
 pub struct Encoded {
     normals: Vec<[f32; 3]>,
+    shifts: Vec<u8>,
     blocks: Vec<u32>,
     stream: Vec<u8>,
     /// For each row the squared norm of its texel columns on the grid, and of what rounding took.
@@ -162,22 +172,27 @@ impl Texels {
 }
 
 impl Encoded {
-    /// Of one bundle, in units of 2^quantum.
-    pub fn new(seen: &Seen, size: usize, quantum: i32) -> Self {
+    /// Of one bundle, in units of 2^(quantum + shift), one shift a group.
+    pub fn new(seen: &Seen, size: usize, quantum: i32, shifts: Vec<u8>) -> Self {
         let columns = texel_columns(size);
         let lanes: [[f32; BUNDLE]; 3] =
             std::array::from_fn(|axis| std::array::from_fn(|row| seen.normals.get(row).map_or(0.0, |n| n[axis])));
         let unit = f64::from(power_of_two(quantum));
+        let steps: Vec<f32> = shifts.iter().map(|&shift| power_of_two(i32::from(shift))).collect();
         let mut squares = vec![[0.0; 2]; seen.normals.len()];
         // By block and place: the rows that see a texel, and those above whose horizon it lies.
         let mut masks = vec![[0u64; 2]; columns.len()];
         for (texel, (column, &open)) in columns.iter().zip(&seen.open).enumerate() {
-            let values = column.in_units(quantum).values(&lanes);
-            let mut above = 0;
+            let column = column.in_units(quantum);
+            let mut values = column.values(&lanes);
+            let above = (0..BUNDLE).fold(0, |above, row| above | u64::from(values[row] > 0.0) << row);
+            for (row, means) in &seen.means {
+                values[*row] = if above >> row & 1 == 1 { means[texel] * column.factor } else { 0.0 };
+            }
             for (row, squares) in squares.iter_mut().enumerate() {
-                above |= u64::from(values[row] > 0.0) << row;
                 if open >> row & 1 == 1 {
-                    let stored = whole(values[row]);
+                    let step = steps[row / GROUP];
+                    let stored = whole(values[row] / step) * f64::from(step);
                     squares[0] += stored * stored;
                     squares[1] += (f64::from(values[row]) - stored).powi(2);
                 }
@@ -186,7 +201,8 @@ impl Encoded {
             masks[block * texels_of_block(size) + at] = [open & above, above];
         }
         squares.iter_mut().flatten().for_each(|square| *square *= unit * unit);
-        let mut encoded = Encoded { normals: seen.normals.clone(), blocks: Vec::new(), stream: Vec::new(), squares };
+        let mut encoded =
+            Encoded { normals: seen.normals.clone(), shifts, blocks: Vec::new(), stream: Vec::new(), squares };
         masks.chunks(texels_of_block(size)).for_each(|block| encoded.push(block));
         encoded
     }
@@ -248,8 +264,8 @@ fn alike(texels: &[[u64; 2]]) -> Option<u32> {
 }
 
 impl Sight {
-    /// Bundles one below the other.
-    pub fn join(size: usize, quantum: i32, parts: &[Encoded]) -> Sight {
+    /// Bundles one below the other, with the lobes of their rows.
+    pub fn join(size: usize, quantum: i32, lobes: Option<Lobes>, parts: &[Encoded]) -> Sight {
         let (mut blocks, mut stream) = (Vec::new(), Vec::new());
         for part in parts {
             let before = stream.len() as u32;
@@ -257,7 +273,9 @@ impl Sight {
             stream.extend_from_slice(&part.stream);
         }
         let normals: Vec<f32> = parts.iter().flat_map(|part| part.normals.iter().flatten().copied()).collect();
-        Sight { size, quantum, normals: normals.into(), blocks: blocks.into(), stream: stream.into() }
+        let shifts: Vec<u8> = parts.iter().filter(|_| lobes.is_some()).flat_map(|part| part.shifts.clone()).collect();
+        let (blocks, stream) = (blocks.into(), stream.into());
+        Sight { size, quantum, normals: normals.into(), lobes, shifts: shifts.into(), blocks, stream }
     }
 
     /// Masks of 64 rows that each texel has.
@@ -265,9 +283,14 @@ impl Sight {
         (self.normals.len() / 3).div_ceil(BUNDLE)
     }
 
-    /// Bytes of the bits; the normals are those of the receivers.
+    /// Bytes of the bits; normals and lobes are those of the receivers.
     pub fn nbytes(&self) -> usize {
-        4 * self.blocks.len() + self.stream.len()
+        4 * self.blocks.len() + self.stream.len() + self.shifts.len()
+    }
+
+    /// The shift of a group.
+    pub fn shift(&self, group: usize) -> i32 {
+        self.shifts.get(group).copied().unwrap_or(0).into()
     }
 
     /// For each of some texels the rows of a bundle that see it, one bit each; rows that have it below their horizon may say
@@ -379,12 +402,40 @@ impl Sight {
     }
 
     /// A texel's column in a group of rows of which some see it, exactly as it is multiplied.
-    pub fn lanes(&self, group: usize, open: u16, column: &TexelColumn) -> Rows16 {
+    pub fn lanes(&self, group: usize, open: u16, texel: usize) -> Rows16 {
         let step = f64::from(power_of_two(self.quantum));
-        let mut lanes = column.in_units(self.quantum).values(&self.group_normals(group));
-        for (lane, value) in lanes.iter_mut().enumerate() {
-            *value = if open >> lane & 1 == 1 { (whole(*value) * step) as f32 } else { 0.0 };
+        let mut lanes = [0.0; GROUP];
+        self.integers(group, &[(texel, open)], std::slice::from_mut(&mut lanes));
+        lanes.map(|integer| (integer * step) as f32)
+    }
+
+    /// The columns of some texels in a group of rows of which some see them, `open`, in whole numbers of 2^quantum.
+    #[inline(always)]
+    pub fn integers(&self, group: usize, texels: &[(usize, u16)], integers: &mut [[f64; GROUP]]) {
+        let (columns, normals) = (texel_columns(self.size), self.group_normals(group));
+        let (unit, step) = (self.quantum + self.shift(group), f64::from(power_of_two(self.shift(group))));
+        for (&(texel, open), integers) in texels.iter().zip(integers.iter_mut()) {
+            let values = columns[texel].in_units(unit).values(&normals);
+            for lane in 0..GROUP {
+                let seen = if open & 1 << lane != 0 { values[lane] } else { 0.0 };
+                integers[lane] = whole(seen) * step;
+            }
         }
-        lanes
+        if let Some(lobes) = &self.lobes {
+            for lane in 0..GROUP {
+                let normal = normals.map(|axis| axis[lane]);
+                let Some(lobe) = lobes.of(group * GROUP + lane, normal) else { continue };
+                // Whatever a lobe does below it, a row sees nothing of a texel whose centre is not above its horizon.
+                let above = |texel: usize| columns[texel].values(&normal.map(|x| [x]))[0] > 0.0;
+                let seen = |&at: &usize| texels[at].1 >> lane & 1 == 1 && above(texels[at].0);
+                let places: Vec<usize> = (0..texels.len()).filter(seen).collect();
+                let asked: Vec<usize> = places.iter().map(|&at| texels[at].0).collect();
+                let mut means = vec![0.0; asked.len()];
+                lobes.models.means(&lobe, self.size, &asked, &mut means);
+                for (at, mean) in places.into_iter().zip(means) {
+                    integers[at][lane] = whole(mean * columns[texels[at].0].in_units(unit).factor) * step;
+                }
+            }
+        }
     }
 }

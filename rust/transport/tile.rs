@@ -95,6 +95,8 @@ pub struct CompressedGroup {
     pub kept: Vec<u16>,
     /// Norm of what each row lost in each band (truncation and rounding), likewise.
     pub dropped: Vec<u16>,
+    /// The least shift that an entry may have: what the group's texel columns are in units of.
+    pub least: u8,
 }
 
 impl Tile {

@@ -86,22 +86,35 @@ pub fn area_weights(bands: &Bands) -> Vec<f64> {
     bands.areas[..bands.stored()].iter().map(|area| area.sqrt()).collect()
 }
 
-/// Compresses 16 rows: `planes[c][j]` is column j of channel c. `out` is emptied first and keeps its memory.
+/// Compresses 16 rows: `planes[c][j]` is column j of channel c; `beside` is the norm of the longest row in columns that have
+/// no entries, which share the unit. `out` is emptied first and keeps its memory.
 ///
 /// Fails where a coefficient is not finite or too large to be stored.
-pub fn compress_group(planes: &[&[Rows16]], bands: &Bands, rule: &Truncation, out: &mut CompressedGroup) -> Result<()> {
+pub fn compress_group(
+    planes: &[&[Rows16]],
+    bands: &Bands,
+    rule: &Truncation,
+    beside: f64,
+    out: &mut CompressedGroup,
+) -> Result<()> {
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("avx2") {
         // SAFETY: the instruction set was found.
-        return unsafe { compress_avx2(planes, bands, rule, out) };
+        return unsafe { compress_avx2(planes, bands, rule, beside, out) };
     }
-    compress_portable(planes, bands, rule, out)
+    compress_portable(planes, bands, rule, beside, out)
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn compress_avx2(planes: &[&[Rows16]], bands: &Bands, rule: &Truncation, out: &mut CompressedGroup) -> Result<()> {
-    compress_planes::<Avx2>(planes, bands, rule, out)
+fn compress_avx2(
+    planes: &[&[Rows16]],
+    bands: &Bands,
+    rule: &Truncation,
+    beside: f64,
+    out: &mut CompressedGroup,
+) -> Result<()> {
+    compress_planes::<Avx2>(planes, bands, rule, beside, out)
 }
 
 /// The path of every other machine; public so that the suite can hold the two against each other.
@@ -109,9 +122,10 @@ pub fn compress_portable(
     planes: &[&[Rows16]],
     bands: &Bands,
     rule: &Truncation,
+    beside: f64,
     out: &mut CompressedGroup,
 ) -> Result<()> {
-    compress_planes::<Portable>(planes, bands, rule, out)
+    compress_planes::<Portable>(planes, bands, rule, beside, out)
 }
 
 #[inline(always)]
@@ -119,11 +133,12 @@ fn compress_planes<K: Kernel>(
     planes: &[&[Rows16]],
     bands: &Bands,
     rule: &Truncation,
+    beside: f64,
     out: &mut CompressedGroup,
 ) -> Result<()> {
     match *planes {
-        [one] => compress::<K, 1>([one], bands, rule, out),
-        [red, green, blue] => compress::<K, 3>([red, green, blue], bands, rule, out),
+        [one] => compress::<K, 1>([one], bands, rule, beside, out),
+        [red, green, blue] => compress::<K, 3>([red, green, blue], bands, rule, beside, out),
         _ => Err(Error::input(format!("expected 1 or 3 channels, found {}", planes.len()))),
     }
 }
@@ -134,13 +149,15 @@ fn compress<K: Kernel, const C: usize>(
     planes: [&[Rows16]; C],
     bands: &Bands,
     rule: &Truncation,
+    beside: f64,
     out: &mut CompressedGroup,
 ) -> Result<()> {
     let longest = compress_with::<K, C>(planes, bands, rule, 0, out)?;
-    let least = least_shift(longest, rule.quantum);
+    let least = least_shift((longest * longest + beside * beside).sqrt(), rule.quantum);
     if least > 0 {
         compress_with::<K, C>(planes, bands, rule, least, out)?;
     }
+    out.least = least as u8;
     Ok(())
 }
 
@@ -302,7 +319,7 @@ impl Tile {
         let mut groups = Vec::with_capacity(self.groups());
         self.for_each_group(bands.stored(), quantum, |group, planes| {
             let mut out = CompressedGroup::default();
-            compress_group(planes, bands, rule, &mut out)?;
+            compress_group(planes, bands, rule, self.longest_in_texels(group, bands), &mut out)?;
             let before = &self.dropped[group * norms..];
             for (now, &earlier) in out.dropped.iter_mut().zip(before) {
                 *now = bf16_up(f64::from(bf16(*now)) + f64::from(bf16(earlier)));
@@ -319,5 +336,14 @@ impl Tile {
         })?;
         let tile = Tile::assemble(self.rows, bands.stored(), self.channels, rule.width, &groups);
         Ok(Tile { sight: self.sight.clone(), ..tile })
+    }
+
+    /// The norm of the longest of a group's rows in texel columns.
+    fn longest_in_texels(&self, group: usize, bands: &Bands) -> f64 {
+        if self.sight.is_none() {
+            return 0.0;
+        }
+        let rows = self.kept.chunks_exact(bands.count()).skip(group * GROUP).take(GROUP);
+        rows.map(|norms| f64::from(bf16(norms[bands.count() - 1]))).fold(0.0, f64::max)
     }
 }

@@ -17,7 +17,8 @@ QUAD = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
 
 
 def transports(folder: Path) -> list[Files]:
-    """Directories: untruncated wavelets, truncated harmonics, two tiles of a few columns; and one for every link."""
+    """Directories: untruncated wavelets, truncated harmonics, two tiles of a few columns, factors, lobes under texels;
+    and one for every link."""
     scene = dl.Scene.builtin("cornell")
     made = []
     for k, (size, columns, quality) in enumerate(((6, "haar:2", "lossless"), (8, "sh:3", "publication"))):
@@ -31,7 +32,9 @@ def transports(folder: Path) -> list[Files]:
     glossy = floor.with_material(0, dl.Material(0.2, 0.5, dl.brdf.Phong(20)))
     options = {"columns": "haar:1", "quality": "preview", "receivers": "vertices", "bounces": 1, "factors": 2}
     dl.precompute(glossy, folder / "glossy.transport", progress=False, **options)
-    whole = [contents(folder / f"{name}.transport") for name in ("tiles", "glossy")]
+    options = {"columns": "haar:2+texels", "quality": "preview", "progress": False}
+    dl.precompute(glossy.with_camera(glossy.camera.resized(8, 8)), folder / "lobes.transport", **options)
+    whole = [contents(folder / f"{name}.transport") for name in ("tiles", "glossy", "lobes")]
     return [*made, *whole, *linked(folder)]
 
 

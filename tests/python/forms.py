@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import deltalux as dl
 import numpy as np
 from deltalux import _core
+from deltalux.surface.material import encoded
 
 BUDGET = 16
 ROWS = 40
@@ -194,16 +195,29 @@ def clustered(columns, rng) -> Form:
     return Form(dl.Transport(core), lambda V: M[made.order] @ V, two_stages=True)
 
 
-def texels(columns, rng, **options) -> Form:
-    """Wavelets, and texels that rows see or do not: a column by its definition, cos / pi times the root of its area."""
+def texels(columns, rng, glossy=False, **options) -> Form:
+    """Wavelets, and texels that rows see or do not: a column by its definition, cos / pi times the root of its area, or
+    of every other row a lobe, Phong's or GGX: wide ones, so that their middle speaks for a texel."""
     columns = dl.Haar(8, texels=True)
     normals = rng.normal(size=(ROWS, 3))
     normals = (normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32)
     open_ = rng.random((ROWS, 384)) < 0.5
     open_[:, :100], open_[:, 200:290] = True, False
     areas, directions = texel_areas(8), texel_directions(8)
-    N = open_ * np.maximum(normals.astype(np.float64) @ directions.T, 0) / np.pi * np.sqrt(areas)
+    cosines = np.maximum(normals.astype(np.float64) @ directions.T, 0)
+    N = open_ * cosines / np.pi * np.sqrt(areas)
     M = dense(rng, 384)
+    if glossy:
+        models = [dl.brdf.Phong(1), dl.brdf.GGX(1.5, n=1.5)]
+        lobe = np.where(np.arange(ROWS) % 2, np.arange(ROWS) // 2 % 2, 65535).astype(np.uint16)
+        eyes = normals + 0.5 * rng.normal(size=(ROWS, 3))
+        eyes = (eyes / np.linalg.norm(eyes, axis=1, keepdims=True)).astype(np.float32)
+        for row in np.flatnonzero(lobe < 2):
+            wi, wo = (local(normals[row], d) for d in (directions, eyes[row]))
+            N[row] = open_[row] * models[lobe[row]].evaluate(wi, wo) * cosines[row] * np.sqrt(areas)
+        stored_models = encoded(models)
+        lobes = [(int(k), p.tolist()) for k, p in zip(*stored_models.values(), strict=True)]
+        options |= {"lobes": (lobes, lobe, eyes)}
     core = stored(M, columns, texels=(normals, open_), **options)
     return Form(dl.Transport(core), lambda V: M @ V[:384] + N @ V[384:])
 
@@ -232,6 +246,15 @@ def nodes_under_texels(columns, rng) -> Form:
     )
 
 
+def local(normal: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """Directions in the frame of Duff et al. (2017) about a unit normal."""
+    x, y, z = normal.astype(np.float64)
+    sign = np.copysign(1.0, z)
+    a = -1 / (sign + z)
+    frame = [[1 + sign * x * x * a, sign * x * y * a, -sign * x], [x * y * a, sign + y * y * a, -y], [x, y, z]]
+    return directions @ np.array(frame).T
+
+
 def texel_directions(n: int) -> np.ndarray:
     """Unit directions of texel centres, row-major, face after face: (6 n^2, 3)."""
     at = (2 * np.arange(n) + 1) / n - 1
@@ -257,6 +280,7 @@ FORMS: dict[str, Callable[..., Form]] = {
     "truncated": lambda columns, rng: one(columns, rng, width="i8", threshold=0.02),
     "texels": texels,
     "texels-truncated": lambda columns, rng: texels(columns, rng, width="i8", threshold=0.02),
+    "texels-glossy": lambda columns, rng: texels(columns, rng, glossy=True, width="i8"),
     "long-rows": long_rows,
     "three-channels": three_channels,
     "factors": factors,

@@ -232,7 +232,7 @@ fn what_cannot_be_clustered_is_refused() {
     let texels = ColumnSpace::haar_texels(4).unwrap();
     let rule = Truncation::new(&texels.bands(), 0.0, -24, Width::I8).unwrap();
     let dense = Dense::new(4, 96, vec![1.0; 4 * 96]);
-    let seen = dense.compress(texels, &rule, 32).unwrap().with_sight(&[[0.0, 0.0, 1.0]; 4], |_, _| true);
+    let seen = dense.compress(texels, &rule, 32).unwrap().with_sight(&[[0.0, 0.0, 1.0]; 4], None, |_, _| true);
     assert!(refused(&seen, asked(4, 2)).contains("without texels"));
     // Whoever listens may stop it, wherever it is.
     for at in [1, 25, 45, 90] {

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use _core::basis::{ColumnSpace, HaarTree};
 use _core::error::Error;
+use _core::precompute::models;
 use _core::transport::file::manifest::{FileEntry, MANIFEST, TILES_PER_SHARD};
 use _core::transport::file::versions::read_manifest;
 use _core::transport::{
@@ -82,6 +83,7 @@ fn receivers(rows: usize) -> ReceiverTable {
         position: floats(3 * rows).into(),
         normal: floats(3 * rows).into(),
         material: Some((0..rows as u16).collect::<Vec<_>>().into()),
+        lobes: None,
         kind: ReceiverKind::Pixels {
             image: [10, 20],
             pixel: (0..rows as u32).collect::<Vec<_>>().into(),
@@ -115,7 +117,7 @@ fn contents(directory: &Path) -> Vec<(String, Vec<u8>)> {
 }
 
 fn refused(path: &Path) -> String {
-    match open(path) {
+    match open(path, &models) {
         Err(error @ (Error::File { .. } | Error::Os { .. })) => error.to_string(),
         Err(error) => panic!("not a file error: {error}"),
         Ok(_) => panic!("a damaged transport was opened"),
@@ -128,7 +130,7 @@ fn what_is_written_is_what_is_read() {
         let scratch = Scratch::new();
         let (path, matrix) = (scratch.path("a.transport"), small(width));
         write(&path, &matrix, width);
-        let Opened { product, receivers: table, audit, manifest, beside } = open(&path).unwrap();
+        let Opened { product, receivers: table, audit, manifest, beside } = open(&path, &models).unwrap();
         let read = product.alone().unwrap();
         assert_eq!(Dense::of(read), Dense::of(&matrix));
         assert_eq!(read.to_csr(0), matrix.to_csr(0));
@@ -208,7 +210,7 @@ fn an_existing_result_stays_until_the_new_one_is_whole() {
 
     let replacement = small(Width::I16);
     write(&path, &replacement, Width::I16);
-    assert_eq!(Dense::of(open(&path).unwrap().product.alone().unwrap()), Dense::of(&replacement));
+    assert_eq!(Dense::of(open(&path, &models).unwrap().product.alone().unwrap()), Dense::of(&replacement));
     assert_eq!(fs::read_dir(&scratch.0).unwrap().count(), 1);
 }
 
@@ -345,7 +347,7 @@ fn forged_headers_never_crash() {
         let mut forged = bytes.clone();
         forged[position] ^= 1 << (position % 7);
         forge(&path, name, &forged);
-        match open(&path) {
+        match open(&path, &models) {
             Ok(read) => assert_eq!(read.product.rows(), ROWS),
             Err(Error::File { .. }) => refusals += 1,
             Err(error) => panic!("{error}"),
@@ -364,14 +366,14 @@ fn manifests_are_checked_byte_by_byte() {
         let mut flipped = text.clone().into_bytes();
         flipped[position] ^= 1 << (position % 7);
         fs::write(path.join(MANIFEST), &flipped).unwrap();
-        match open(&path) {
+        match open(&path, &models) {
             Ok(read) => assert_eq!(read.product.rows(), ROWS),
             Err(Error::File { .. }) => {}
             Err(error) => panic!("byte {position}: {error}"),
         }
     }
     fs::remove_file(path.join(MANIFEST)).unwrap();
-    assert!(matches!(open(&path), Err(Error::Os { .. })));
+    assert!(matches!(open(&path, &models), Err(Error::Os { .. })));
 }
 
 #[test]
@@ -382,7 +384,8 @@ fn hostile_manifests_are_refused_with_a_reason() {
     let text = fs::read_to_string(path.join(MANIFEST)).unwrap();
     let cases = [
         ("\"deltalux.transport\"", "\"something.else\"", "format"),
-        ("2,\n    1", "3,\n    0", "version 3"),
+        ("2,\n    1", "4,\n    0", "version 4"),
+        ("2,\n    1", "3,\n    0", "\"models\" is missing"),
         ("\"rows\": 170", "\"rows\": 18446744073709551615", "rows"),
         ("\"rows\": 170", "\"rows\": 4294967295", "expected 33554433 files"),
         ("\"rows\": 170", "\"rows\": 0", "rows"),
@@ -422,7 +425,7 @@ fn hostile_manifests_are_refused_with_a_reason() {
     }
     // Keys that are unknown are ignored, as the format promises to its own future.
     fs::write(path.join(MANIFEST), text.replacen("\"rows\"", "\"mood\": [1, {\"a\": 2}], \"rows\"", 1)).unwrap();
-    assert_eq!(open(&path).unwrap().product.rows(), ROWS);
+    assert_eq!(open(&path, &models).unwrap().product.rows(), ROWS);
 }
 
 #[test]
@@ -573,7 +576,7 @@ fn chains_are_read_as_they_were_written() {
         let table = ReceiverTable { kind, ..receivers(40) };
         writer.finish(&about, &table, None).unwrap();
 
-        let Opened { product, receivers, manifest, .. } = open(&path).unwrap();
+        let Opened { product, receivers, manifest, .. } = open(&path, &models).unwrap();
         let read: Vec<_> = product.first.iter().chain(product.then.iter().flat_map(|then| then.iter())).collect();
         assert_eq!(read.len(), parts.len());
         for (read, written) in read.iter().zip(&parts) {

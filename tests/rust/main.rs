@@ -10,6 +10,7 @@ mod emission;
 mod file;
 mod harmonics;
 mod light;
+mod lobes;
 mod pass;
 mod response;
 mod scene;

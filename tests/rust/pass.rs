@@ -30,7 +30,7 @@ impl Pass for Ready {
         for group in rows.clone().step_by(GROUP) {
             for (factor, dense) in self.factors.iter().enumerate() {
                 let planes = dense.planes(group);
-                take(factor, &planes.iter().map(Vec::as_slice).collect::<Vec<&[Rows16]>>())?;
+                take(factor, &planes.iter().map(Vec::as_slice).collect::<Vec<&[Rows16]>>(), 0.0)?;
             }
         }
         Ok(Made { rays: Rays { first: rows.len() as u64, ..Rays::default() }, seen: None })
@@ -38,7 +38,7 @@ impl Pass for Ready {
 }
 
 fn ready(space: ColumnSpace, rows: usize, channels: Channels, factors: usize, seed: u64) -> Ready {
-    let shape = Shape { rows, texels: None, bands: space.bands(), channels, factors };
+    let shape = Shape { rows, texels: None, lobes: None, bands: space.bands(), channels, factors };
     let factors = (0..factors as u64).map(|k| random_dense(space, rows, channels, seed.wrapping_add(k))).collect();
     Ready { shape, factors }
 }

@@ -27,7 +27,7 @@ fn seen(size: usize, rows: usize, seed: u64) -> Seen {
             bits | u64::from(side > 0.1 * edges[row % 7][0]) << row
         })
     };
-    Seen { normals, open: (0..columns.len()).map(open).collect() }
+    Seen { normals, open: (0..columns.len()).map(open).collect(), means: Vec::new() }
 }
 
 proptest! {
@@ -41,8 +41,8 @@ proptest! {
             .into_iter().filter(|&(rows, _)| rows > 0).map(|(rows, seed)| seen(size, rows, seed)).collect();
         // Only the last bundle of a tile may be short.
         let bundles = if rows < 64 { &bundles[..1] } else { &bundles[..] };
-        let parts: Vec<Encoded> = bundles.iter().map(|seen| Encoded::new(seen, size, -24)).collect();
-        let sight = Sight::join(size, -24, &parts);
+        let parts: Vec<Encoded> = bundles.iter().map(|seen| Encoded::new(seen, size, -24, vec![0; 4])).collect();
+        let sight = Sight::join(size, -24, None, &parts);
         prop_assert_eq!(sight.check(), Ok(()));
         let columns = texel_columns(size);
         for (bundle, seen) in bundles.iter().enumerate() {
@@ -61,7 +61,7 @@ proptest! {
                         prop_assert_eq!(mask >> row & 1, seen.open[texel] >> row & 1);
                     }
                     let group = bundle * 4 + row / 16;
-                    let value = f64::from(sight.lanes(group, (mask >> (row / 16 * 16)) as u16, column)[row % 16]);
+                    let value = f64::from(sight.lanes(group, (mask >> (row / 16 * 16)) as u16, texel)[row % 16]);
                     let truth = f64::from(cosine.max(0.0)) * f64::from(column.factor) * (seen.open[texel] >> row & 1) as f64;
                     prop_assert!((value - truth).abs() <= 2f64.powi(-25) + 1e-6 * truth, "{} {}", value, truth);
                     prop_assert_eq!(value * 2f64.powi(24), (value * 2f64.powi(24)).round());
@@ -78,8 +78,8 @@ proptest! {
     /// A stream that was tampered with is refused, or read without leaving it.
     #[test]
     fn damaged_masks_are_refused_or_harmless(seed: u64, place: prop::sample::Index, byte: u8, block: prop::sample::Index, start: u32) {
-        let encoded = [Encoded::new(&seen(8, 64, seed), 8, -24)];
-        let whole = Sight::join(8, -24, &encoded);
+        let encoded = [Encoded::new(&seen(8, 64, seed), 8, -24, vec![0; 4])];
+        let whole = Sight::join(8, -24, None, &encoded);
         if whole.stream.is_empty() {
             return Ok(());
         }

@@ -3,8 +3,13 @@
 
 use std::sync::Arc;
 
+use _core::basis::cubemap::{solid_angles, texel_direction};
 use _core::basis::{ColumnSpace, HaarTree};
-use _core::transport::{Channels, Dense, Factors, Link, Product, RowNorms, TransportMatrix, Weights, Width, bf16_up};
+use _core::transport::lobes::DIFFUSE;
+use _core::transport::{
+    Channels, Dense, Factors, Link, LobeModels, Lobes, Product, RowLobe, RowNorms, TransportMatrix, Weights, Width,
+    bf16_up,
+};
 use _core::update::{Budget, Chain, Colours, Initial, Mix, Settings, Updater};
 
 use crate::transport::{matrix, noise, random_dense, rule};
@@ -50,8 +55,9 @@ const FORMS: &[(&str, Make)] = &[
             ..one(dense.compress(space, &rule(space, 0.0, Width::I16), 32).unwrap())
         }
     }),
-    ("texels", |_| texels(0.0)),
-    ("texels, truncated", |_| texels(0.05)),
+    ("texels", |_| texels(0.0, false)),
+    ("texels, truncated", |_| texels(0.05, false)),
+    ("texels, glossy", |_| texels(0.05, true)),
     ("three channels", |space| one(matrix(space, ROWS, Channels::Three, 3, Width::I8))),
     ("factors", |space| {
         let each: Vec<_> = (4..7).map(|seed| Arc::new(matrix(space, ROWS, Channels::One, seed, Width::I8))).collect();
@@ -147,8 +153,34 @@ pub fn norms_of_both(first: &TransportMatrix, then: &TransportMatrix) -> RowNorm
     RowNorms::new(count, Channels::One, kept.into(), dropped.into()).unwrap()
 }
 
-/// Wavelets and texels: what rows see is random, a third of them see all or nothing of a block, and one has no normal.
-fn texels(threshold: f64) -> Form {
+/// Lobes about the eye: a power of the cosine to it, 2 or 8.
+struct Powers;
+
+impl LobeModels for Powers {
+    fn count(&self) -> usize {
+        2
+    }
+
+    fn means(&self, lobe: &RowLobe, size: usize, texels: &[usize], means: &mut [f32]) {
+        for (mean, &texel) in means.iter_mut().zip(texels) {
+            *mean = power(lobe.model, lobe.eye, size, texel) as f32;
+        }
+    }
+
+    fn stored(&self) -> (Vec<u32>, Vec<f64>) {
+        unreachable!("it is never written")
+    }
+}
+
+fn power(model: usize, eye: [f32; 3], size: usize, texel: usize) -> f64 {
+    let d = texel_direction(size, texel / (size * size), texel / size % size, texel % size);
+    let cosine: f64 = (0..3).map(|k| f64::from(eye[k]) * d[k]).sum();
+    cosine.max(0.0).powi(if model == 0 { 2 } else { 8 })
+}
+
+/// Wavelets and texels: what rows see is random, a third of them see all or nothing of a block, and one has no normal; every
+/// other row may be glossy.
+fn texels(threshold: f64, glossy: bool) -> Form {
     let space = ColumnSpace::haar_texels(4).unwrap();
     let wavelets = random_dense(ColumnSpace::haar(4).unwrap(), ROWS, Channels::One, 24);
     let mut random = noise(25);
@@ -166,17 +198,29 @@ fn texels(threshold: f64) -> Form {
         })
         .collect();
     let rule = rule(space, threshold, Width::I8);
-    let matrix = wavelets.compress(space, &rule, 32).unwrap().with_sight(&normals, |row, texel| open[row * 96 + texel]);
-    let areas = _core::basis::cubemap::solid_angles(4);
+    let lobe = move |row: usize| if glossy && row % 2 == 1 { row as u16 / 2 % 2 } else { DIFFUSE };
+    let eyes: Vec<[f32; 3]> = normals.iter().map(|&[x, y, z]| [y, z, x]).collect();
+    let lobes = Lobes {
+        models: Arc::new(Powers),
+        model: (0..ROWS).map(lobe).collect::<Vec<_>>().into(),
+        eye: eyes.as_flattened().to_vec().into(),
+        half_width: vec![1.0; ROWS].into(),
+    };
+    let lobes = glossy.then_some(&lobes);
+    let matrix = wavelets.compress(space, &rule, 32).unwrap();
+    let matrix = matrix.with_sight(&normals, lobes, |row, texel| open[row * 96 + texel]);
+    let areas = solid_angles(4);
     let oracle = plain(wavelets);
     Form {
         oracle: Box::new(move |light| {
             let mut sums = oracle(&light[..96]);
             for (row, texel) in (0..ROWS).flat_map(|row| (0..96).map(move |texel| (row, texel))) {
-                let d = _core::basis::cubemap::texel_direction(4, texel / 16, texel / 4 % 4, texel % 4);
+                let d = texel_direction(4, texel / 16, texel / 4 % 4, texel % 4);
                 let cosine: f64 = (0..3).map(|k| f64::from(normals[row][k]) * d[k]).sum();
-                if open[row * 96 + texel] {
-                    let value = cosine.max(0.0) / std::f64::consts::PI * areas[texel % 16].sqrt();
+                if open[row * 96 + texel] && cosine > 0.0 {
+                    let own = lobe(row);
+                    let mean = if own == DIFFUSE { cosine } else { power(own.into(), eyes[row], 4, texel) };
+                    let value = mean / std::f64::consts::PI * areas[texel % 16].sqrt();
                     (0..3).for_each(|c| sums[row][c] += value * light[96 + texel][c]);
                 }
             }

@@ -130,13 +130,13 @@ proptest! {
 
     /// The two paths give the same bits.
     #[test]
-    fn instruction_sets_agree(seed: u64, threshold in 0.0f64..1.0, width in width_strategy(), channels in channels_strategy()) {
+    fn instruction_sets_agree(seed: u64, threshold in 0.0f64..1.0, beside in 0.0f64..100.0, width in width_strategy(), channels in channels_strategy()) {
         let space = ColumnSpace::haar(8).unwrap();
         let planes = random_dense(space, GROUP, channels, seed).planes(0);
         let planes = views(&planes);
         let (mut a, mut b) = (CompressedGroup::default(), CompressedGroup::default());
-        compress_group(&planes, &space.bands(), &rule(space, threshold, width), &mut a).unwrap();
-        compress_portable(&planes, &space.bands(), &rule(space, threshold, width), &mut b).unwrap();
+        compress_group(&planes, &space.bands(), &rule(space, threshold, width), beside, &mut a).unwrap();
+        compress_portable(&planes, &space.bands(), &rule(space, threshold, width), beside, &mut b).unwrap();
         prop_assert_eq!(format!("{a:?}"), format!("{b:?}"));
     }
 
@@ -287,7 +287,7 @@ fn the_threshold_weighs_by_the_root_of_the_area() {
     lanes[0][0] = 2.0f32.powi(-20);
     for (threshold, expected) in [(0.5, vec![0, column as u32]), (0.51, vec![0])] {
         let mut out = CompressedGroup::default();
-        compress_group(&[&lanes], &bands, &rule(space, threshold, Width::I8), &mut out).unwrap();
+        compress_group(&[&lanes], &bands, &rule(space, threshold, Width::I8), 0.0, &mut out).unwrap();
         // The scaling column stays however small it is.
         assert_eq!(out.columns, expected);
     }
@@ -301,7 +301,7 @@ fn coefficients_that_cannot_be_stored_are_refused() {
             let mut lanes = vec![[0.0; GROUP]; space.columns()];
             lanes[column][5] = bad;
             let found =
-                compress_group(&[&lanes], &space.bands(), &rule(space, 0.1, Width::I8), &mut Default::default());
+                compress_group(&[&lanes], &space.bands(), &rule(space, 0.1, Width::I8), 0.0, &mut Default::default());
             assert!(matches!(found, Err(Error::Input(_))), "{bad} in column {column}");
         }
     }

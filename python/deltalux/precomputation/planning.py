@@ -321,7 +321,7 @@ def _left_out(prepared: Prepared, probe: _Probe, part: Part) -> list[LeftOut]:
     if prepared.factored and prepared.between is not None:
         left_out.append(LeftOut("reflections of surfaces", "factors of a lobe may be negative, weights of nodes not"))
     if prepared.texels_left_out:
-        left_out.append(LeftOut("texel columns", "they hold cosines; suns reach glossy rows through wavelets"))
+        left_out.append(LeftOut("texel columns", prepared.texels_left_out))
     behind = prepared.rows.unseen
     if behind:
         left_out.append(LeftOut("rows for pixels without a surface", f"{behind:,} pixels show the environment itself"))

@@ -15,7 +15,7 @@ from ..brdf import Measured, Model
 from ..checks import count
 from ..columns import Columns, Haar, parse
 from ..scene.scene import Scene
-from ..surface.material import Lobe
+from ..surface.material import Lobe, encoded
 from .between import Between, KnownNodes, Nodes, PlacedNodes
 from .factoring import Factored, factored
 from .lights import lights
@@ -117,8 +117,16 @@ class Prepared:
             scene = refined(scene, float(request.refine), request.normals)
         self.scene, self.request = scene, request
         self.glossy = request.gloss and bool(scene.models)
-        # A texel's column is made anew from cosines, which glossy rows do not hold.
-        self.texels_left_out = self.glossy and isinstance(self.columns, Haar) and self.columns.texels
+        self.texels_left_out = ""
+        if self.glossy and self.texels:
+            # A texel's column is made anew from cosines and models: factors are neither, and tables are not ours to
+            # copy.
+            if request.receivers == "vertices":
+                self.texels_left_out = "factors of lobes are signed; suns reach glossy vertices through wavelets"
+            elif any(isinstance(model, Measured) for model in scene.models):
+                self.texels_left_out = (
+                    "tables of measured materials are not kept; suns reach their rows through wavelets"
+                )
         if self.texels_left_out:
             self.columns = Haar(self.columns.face)
         self.core = scene.traced()
@@ -216,6 +224,11 @@ class Prepared:
         return asked
 
     @property
+    def texels(self) -> bool:
+        """Whether some columns are texels."""
+        return isinstance(self.columns, Haar) and self.columns.texels
+
+    @property
     def bundles(self) -> int:
         """Bundles of all rows."""
         return -(-self.count // BUNDLE)
@@ -261,7 +274,10 @@ def lobes_of(model: Lobe | None) -> list[Any]:
     """The lobes that rows of a material have, as the core takes them: of a measured one each of its colours."""
     if model is None:
         return []
-    return [(model.core(), channel) for channel in range(3)] if isinstance(model, Measured) else [model.core()]
+    if isinstance(model, Measured):
+        return [(model.core(), channel) for channel in range(3)]
+    stored = encoded([model])
+    return [(int(stored["models"][0]), stored["parameters"][0].tolist())]
 
 
 def lobe_colours(model: Lobe | None) -> list[np.ndarray]:

@@ -121,9 +121,9 @@ def precompute(
         degrees; or "flat".
     gloss
         Whether materials with a lobe have rows for it, as the camera sees them (without them it is black to the eye,
-        but reflects between surfaces as if it were diffuse); their columns are without texels. What
-        they reflect of other surfaces takes bounces, and is as sharp as the nodes. At vertices, which are seen from
-        anywhere, lobes are sums of factors, and reflect the environment alone.
+        but reflects between surfaces as if it were diffuse). What they reflect of other surfaces takes bounces, and is
+        as sharp as the nodes. At vertices, which are seen from anywhere, lobes are sums of factors, and reflect the
+        environment alone; there, and where a material is measured, columns are without texels.
     factors
         Of a lobe at vertices: "auto", as few as leave a tenth of it under natural light, at most 24, or how many. The
         plan says what they leave.
@@ -336,6 +336,7 @@ class _Run:
         table = rows.table(
             self.prepared.albedo(),
             scene.material[rows.triangle].astype(np.uint16),
+            self.prepared.texels,
         )
         arrays = scene.arrays()
         arrays |= self.prepared.beside() if arrays else {}

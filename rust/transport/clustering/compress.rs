@@ -179,7 +179,7 @@ fn weights(
 
 fn compressed(plane: &[Rows16], bands: &Bands, rule: &Truncation) -> Result<CompressedGroup> {
     let mut group = CompressedGroup::default();
-    compress_group(&[plane], bands, rule, &mut group).map(|()| group)
+    compress_group(&[plane], bands, rule, 0.0, &mut group).map(|()| group)
 }
 
 fn matrix(

@@ -19,6 +19,9 @@ pub const MAJOR: u32 = 2;
 pub const FIRST: u32 = 1;
 /// The minor version that is written.
 pub const MINOR: u32 = 1;
+/// The major version of files whose texel columns are made of lobes, which readers of `MAJOR` would take for cosines: all
+/// else in them is as there.
+pub const LOBED: u32 = 3;
 /// The file that is written last and read first.
 pub const MANIFEST: &str = "manifest.json";
 /// The file of what each row is.
@@ -282,6 +285,11 @@ impl Manifest {
             }
         }
         Ok(())
+    }
+
+    /// Whether texel columns are made of lobes.
+    pub fn has_lobes(&self) -> bool {
+        self.version[0] == LOBED
     }
 
     /// Whether the chain's link has numbers of its own.

@@ -18,6 +18,7 @@ use super::receivers;
 use super::shard::Shard;
 use super::versions::read_manifest;
 use crate::transport::entry::{Channels, GROUP, MAX_TILE_ROWS, Width, group_of, max_step, shift_of};
+use crate::transport::lobes::{Lobes, MakeModels};
 use crate::transport::matrix::TransportMatrix;
 use crate::transport::product::Product;
 use crate::transport::receivers::ReceiverTable;
@@ -48,14 +49,15 @@ pub struct Opened {
     pub beside: Vec<Beside>,
 }
 
-/// Opens a directory by memory map. Every file is read once for its checksum, in parallel.
-pub fn open(directory: &Path) -> Result<Opened> {
+/// Opens a directory by memory map. Every file is read once for its checksum, in parallel. `models` makes the models that
+/// texel columns are made of, where they are lobes.
+pub fn open(directory: &Path, models: &MakeModels) -> Result<Opened> {
     let manifest = read_manifest(directory)?;
     let manifest_error = |error: Error| Error::file(&directory.join(MANIFEST), error.to_string());
     let (of_parts, others) = manifest.files_by_kind();
 
-    // Texel columns take their cosines from the normals of the receivers.
-    let receivers = receivers::read(&Shard::open(directory, &others[0])?, &manifest)?;
+    // Texel columns take their cosines from the normals of the receivers, or their lobes.
+    let receivers = receivers::read(&Shard::open(directory, &others[0])?, &manifest, models)?;
     check_texels(&manifest).map_err(manifest_error)?;
 
     // The tiles of all shards, verified in parallel; the first error in file order is told.
@@ -65,7 +67,7 @@ pub fn open(directory: &Path) -> Result<Opened> {
     let read: Vec<Result<Vec<Tile>>> = shards
         .collect::<Vec<_>>()
         .into_par_iter()
-        .map(|(part, shard, entry)| read_shard(directory, entry, part, shard, &receivers.normal))
+        .map(|(part, shard, entry)| read_shard(directory, entry, part, shard, &receivers))
         .collect();
     let mut read = read.into_iter();
     let mut matrices = Vec::new();
@@ -80,7 +82,7 @@ pub fn open(directory: &Path) -> Result<Opened> {
     let (link_file, audit_file) = others[1..].split_at(usize::from(manifest.has_link_file()));
     let link_file = link_file.first().map(|entry| Shard::open(directory, entry)).transpose()?;
     let audit = match audit_file.first() {
-        Some(entry) => Some(read_audit(&Shard::open(directory, entry)?, &manifest, &receivers.normal)?),
+        Some(entry) => Some(read_audit(&Shard::open(directory, entry)?, &manifest, &receivers)?),
         None => None,
     };
     let product = link::product(&manifest, matrices, link_file.as_ref()).map_err(|error| match error {
@@ -115,41 +117,58 @@ fn read_shard(
     entry: &FileEntry,
     part: &PartEntry,
     shard: usize,
-    normals: &Slab<f32>,
+    receivers: &ReceiverTable,
 ) -> Result<Vec<Tile>> {
     let file = Shard::open(directory, entry)?;
     let numbers = part.tiles_of(shard);
-    file.expect_count(arrays_of(part)? * numbers.len())?;
+    file.expect_count(arrays_of(part, receivers)? * numbers.len())?;
     let width = part.width()?;
     numbers
         .map(|number| {
             let rows = part.rows_of(number);
             let first = number * part.tile_rows;
             let tile = read_tile(&file, &format!("{number:05}"), rows, part, width)?;
-            with_sight(&file, &format!("{number:05}"), part, tile, || normals.part(3 * first..3 * (first + rows)))
+            with_sight(&file, &format!("{number:05}"), part, tile, || {
+                let lobes = receivers.lobes.as_ref().map(|lobes| lobes.part(first..first + rows));
+                (receivers.normal.part(3 * first..3 * (first + rows)), lobes)
+            })
         })
         .collect()
 }
 
 /// Arrays that a tile of a part is stored in.
-fn arrays_of(part: &PartEntry) -> Result<usize> {
-    Ok(if part.space()?.texels().is_some() { 7 } else { 5 })
+fn arrays_of(part: &PartEntry, receivers: &ReceiverTable) -> Result<usize> {
+    Ok(match part.space()?.texels() {
+        None => 5,
+        Some(_) => 7 + usize::from(receivers.lobes.is_some()),
+    })
 }
 
-/// A tile with its texel columns, where the part has any; `normals` are those of its rows.
+/// A tile with its texel columns, where the part has any; `own`: the normals and lobes of its rows.
 fn with_sight(
     file: &Shard,
     name: &str,
     part: &PartEntry,
     tile: Tile,
-    normals: impl FnOnce() -> Slab<f32>,
+    own: impl FnOnce() -> (Slab<f32>, Option<Lobes>),
 ) -> Result<Tile> {
     let Some(size) = part.space()?.texels() else { return Ok(tile) };
     let stream = format!("{name}.masks");
+    let (normals, lobes) = own();
+    let shifts: Slab<u8> = match lobes {
+        Some(_) => file.slab(&format!("{name}.shifts"), &[tile.groups()])?,
+        None => Vec::new().into(),
+    };
+    let most = max_step(part.width()?) - part.quantum;
+    if let Some(shift) = shifts.iter().find(|&&shift| i32::from(shift) > most) {
+        return Err(file.error(format!("tile {name:?}: expected shifts up to {most}, found {shift}")));
+    }
     let sight = Sight {
         size,
         quantum: part.quantum,
-        normals: normals(),
+        normals,
+        lobes,
+        shifts,
         blocks: file.slab(&format!("{name}.blocks"), &[tile.rows.div_ceil(BUNDLE), blocks_of(size)])?,
         stream: file.slab(&stream, &[file.len(&stream)?])?,
     };
@@ -261,9 +280,9 @@ fn padding_is_zero(tile: &Tile) -> bool {
         })
 }
 
-fn read_audit(file: &Shard, manifest: &Manifest, normals: &Slab<f32>) -> Result<Audit> {
+fn read_audit(file: &Shard, manifest: &Manifest, receivers: &ReceiverTable) -> Result<Audit> {
     let part = &manifest.parts[0];
-    file.expect_count(1 + arrays_of(part)?)?;
+    file.expect_count(1 + arrays_of(part, receivers)?)?;
     let count = file.len("audit.groups")?;
     if count == 0 || count * GROUP > MAX_TILE_ROWS {
         return Err(file.error(format!("expected 1 to {} sample groups, found {count}", MAX_TILE_ROWS / GROUP)));
@@ -277,8 +296,9 @@ fn read_audit(file: &Shard, manifest: &Manifest, normals: &Slab<f32>) -> Result<
     let tile = with_sight(file, "audit", part, tile, || {
         // Rows that pad the last group have no normal, and see nothing.
         let rows = groups.iter().flat_map(|&group| (group as usize * GROUP..).take(GROUP));
-        let place = |row: usize| (3 * row..3 * row + 3).map(|at| normals.get(at).copied().unwrap_or(0.0));
-        rows.flat_map(place).collect::<Vec<f32>>().into()
+        let place = |row: usize| (3 * row..3 * row + 3).map(|at| receivers.normal.get(at).copied().unwrap_or(0.0));
+        let lobes = receivers.lobes.as_ref().map(|lobes| lobes.picked(rows.clone()));
+        (rows.flat_map(place).collect::<Vec<f32>>().into(), lobes)
     })?;
     Ok(Audit { groups, tile })
 }

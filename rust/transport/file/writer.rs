@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use serde_json::value::RawValue;
 
@@ -17,7 +18,7 @@ use crate::error::{Error, Result};
 use super::beside::{self, Beside};
 use super::link;
 use super::manifest::{
-    AUDIT, FORMAT, FileEntry, LINK, MAJOR, MANIFEST, MINOR, Manifest, PartEntry, RECEIVERS, ReceiversEntry,
+    AUDIT, FORMAT, FileEntry, LINK, LOBED, MAJOR, MANIFEST, MINOR, Manifest, PartEntry, RECEIVERS, ReceiversEntry,
     TILES_PER_SHARD, is_part_name, read_small, shard_name,
 };
 use super::open::{self, Audit};
@@ -159,7 +160,8 @@ impl Writer {
                 manifest.files.push(entry.clone());
             }
         }
-        manifest.files.push(write_tensors(&self.partial, RECEIVERS, receivers::tensors(table))?);
+        let models = receivers::stored_models(table);
+        manifest.files.push(write_tensors(&self.partial, RECEIVERS, receivers::tensors(table, &models))?);
         if let Some(arrays) = link::tensors(&about.link) {
             manifest.files.push(write_tensors(&self.partial, LINK, arrays)?);
         }
@@ -175,7 +177,8 @@ impl Writer {
         write_file(&self.partial, MANIFEST, std::iter::once(&text[..]))?;
 
         // What a reader would refuse is never published; the run stays where it can be resumed.
-        drop(open::open(&self.partial)?);
+        let lobes = || table.lobes.as_ref().ok_or_else(|| Error::input("expected rows with lobes"));
+        drop(open::open(&self.partial, &|_, _| lobes().map(|lobes| Arc::clone(&lobes.models)))?);
         publish(&self.partial, &self.target)
     }
 }
@@ -216,7 +219,7 @@ impl Description {
         let names: Vec<String> = parts.iter().map(|part| part.name.clone()).collect();
         Ok(Manifest {
             format: FORMAT.to_owned(),
-            version: [MAJOR, MINOR],
+            version: if table.lobes.is_some() { [LOBED, 0] } else { [MAJOR, MINOR] },
             parts,
             chain: link::entry(&names, self.first, &self.link),
             tiles_per_shard: TILES_PER_SHARD,
@@ -257,6 +260,9 @@ fn tensors<'a>(name: &str, tile: &'a Tile) -> Vec<Tensor<'a>> {
         let shape = [sight.bundles(), blocks_of(sight.size)];
         all.push(Tensor::new(format!("{name}.blocks"), &shape, &sight.blocks));
         all.push(Tensor::new(format!("{name}.masks"), &[sight.stream.len()], &sight.stream));
+        if sight.lobes.is_some() {
+            all.push(Tensor::new(format!("{name}.shifts"), &[sight.shifts.len()], &sight.shifts));
+        }
     }
     all
 }

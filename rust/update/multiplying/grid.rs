@@ -147,7 +147,9 @@ fn exponent_of_row(square: f64, quantum: i32) -> i32 {
 
 /// The most bits that a group's longest row spans from the unit that the group's entries share.
 fn span_of_groups(matrix: &TransportMatrix, tile: &Tile) -> i32 {
-    let mut least = vec![i32::MAX; tile.groups()];
+    // Texel columns take part, whatever entries there are.
+    let of_texels = |group| tile.sight.as_ref().map_or(i32::MAX, |sight| sight.shift(group));
+    let mut least: Vec<i32> = (0..tile.groups()).map(of_texels).collect();
     for &word in tile.words.iter() {
         let least = &mut least[group_of(word)];
         *least = shift_of(word).min(*least);
