@@ -28,7 +28,7 @@ const FINE: f64 = 3.0;
 /// Off its axis a lobe is as smooth as if it were this share of the way there wide.
 const OFF_AXIS: f64 = 0.25;
 /// Most parts along a side: more than 32 are for texel columns of lobes so narrow that wavelets sample them.
-const MOST_PARTS: usize = 128;
+const MOST_PARTS: usize = 64;
 /// Lobes whose half width is below this share of a texel are sampled, by so many samples along a side.
 const NARROW: f64 = 0.1;
 const SAMPLES: usize = 32;
