@@ -8,6 +8,8 @@ use std::str::FromStr;
 
 use crate::error::{Error, Result};
 
+use super::daubechies4::{COARSEST, CURVE};
+
 /// The basis that V and the columns of M are measured in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ColumnSpace {
@@ -47,6 +49,14 @@ pub enum ColumnSpace {
         clusters: usize,
         /// Representatives of each cluster, besides its mean.
         each: usize,
+    },
+    /// Daubechies-4 wavelets of BRDF curves of 256 samples (`basis/daubechies4.rs`), once for each of so many factors that a
+    /// curve may be multiplied by (of Fresnel's reflectance, `brdf/curve.rs`).
+    ///
+    /// Band 0 holds the scaling functions of all factors, factor after factor; each further level is a band.
+    Daubechies4 {
+        /// Functions of the other angle, at least one.
+        factors: usize,
     },
 }
 
@@ -175,6 +185,18 @@ impl ColumnSpace {
         }
     }
 
+    /// The most factors of curves.
+    pub const MAX_FACTORS: usize = 16;
+
+    /// The wavelets of curves; refuses factors outside 1 to `MAX_FACTORS`.
+    pub fn daubechies4(factors: usize) -> Result<Self> {
+        if (1..=Self::MAX_FACTORS).contains(&factors) {
+            Ok(ColumnSpace::Daubechies4 { factors })
+        } else {
+            Err(Error::input(format!("expected 1 to {} factors of curves, got {factors}", Self::MAX_FACTORS)))
+        }
+    }
+
     /// The cluster that a column of clustered transport belongs to; in all other spaces there is one.
     pub fn cluster_of(self, column: usize) -> usize {
         match self {
@@ -192,6 +214,7 @@ impl ColumnSpace {
             ColumnSpace::Haar { size } => 6 * size * size,
             ColumnSpace::HaarTexels { size } => 12 * size * size,
             ColumnSpace::SphericalHarmonics { order } => order * order,
+            ColumnSpace::Daubechies4 { factors } => factors * CURVE,
         }
     }
 
@@ -241,6 +264,17 @@ impl ColumnSpace {
                 always: 1,
                 texels: 0,
             },
+            ColumnSpace::Daubechies4 { factors } => {
+                let mut starts = vec![0, factors * COARSEST];
+                let mut areas = vec![(CURVE / COARSEST) as f64; factors * COARSEST];
+                while areas.len() < factors * CURVE {
+                    // As many details as there are coarser functions, each over that share of the curve.
+                    let support = (factors * CURVE / areas.len()) as f64;
+                    areas.resize(2 * areas.len(), support);
+                    starts.push(areas.len());
+                }
+                Bands { starts, areas, always: factors * COARSEST, texels: 0 }
+            }
         }
     }
 }
@@ -253,6 +287,7 @@ impl fmt::Display for ColumnSpace {
             ColumnSpace::SphericalHarmonics { order } => write!(f, "sh:{order}"),
             ColumnSpace::Tree { samples } => write!(f, "tree:{samples}"),
             ColumnSpace::Representatives { clusters, each } => write!(f, "representatives:{clusters}x{each}"),
+            ColumnSpace::Daubechies4 { factors } => write!(f, "d4:{factors}"),
         }
     }
 }
@@ -260,7 +295,7 @@ impl fmt::Display for ColumnSpace {
 impl FromStr for ColumnSpace {
     type Err = Error;
 
-    /// Reads what `Display` writes: `haar:64`, `haar:64+texels`, `sh:20`, `tree:4096`, `representatives:398x25`.
+    /// Reads what `Display` writes: `haar:64`, `haar:64+texels`, `sh:20`, `tree:4096`, `representatives:398x25`, `d4:3`.
     fn from_str(text: &str) -> Result<Self> {
         let texels = text.strip_prefix("haar:").and_then(|rest| rest.strip_suffix("+texels")?.parse().ok());
         if let Some(size) = texels {
@@ -271,6 +306,7 @@ impl FromStr for ColumnSpace {
         match (kind, number.parse(), pair) {
             ("haar", Ok(size), _) => ColumnSpace::haar(size),
             ("sh", Ok(order), _) => ColumnSpace::spherical_harmonics(order),
+            ("d4", Ok(factors), _) => ColumnSpace::daubechies4(factors),
             ("tree", Ok(samples), _) => ColumnSpace::tree(samples),
             ("representatives", _, Some((clusters, each))) => ColumnSpace::representatives(clusters, each),
             _ => Err(Error::input(format!(

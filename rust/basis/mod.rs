@@ -2,6 +2,7 @@
 
 pub mod bands;
 pub mod cubemap;
+pub mod daubechies4;
 pub mod haar;
 pub mod haar_tree;
 pub mod harmonic_projection;
@@ -11,6 +12,7 @@ pub mod spherical_harmonics;
 pub mod texel;
 
 pub use bands::{Bands, ColumnSpace};
+pub use daubechies4::Daubechies4;
 pub use haar_tree::HaarTree;
 pub use harmonic_projection::{HARMONIC_FACE, HarmonicProjection};
 pub use texel::Texel;
