@@ -4,6 +4,7 @@ use std::f64::consts::PI;
 
 use crate::error::Result;
 
+use super::curve::{Curved, Share};
 use super::direction::Half;
 use super::facets::{Facets, HalfModel};
 use super::fresnel::Fresnel;
@@ -32,5 +33,24 @@ impl HalfModel for AshikhminShirley {
 
     fn facets(&self) -> &impl Facets {
         &self.lobe
+    }
+
+    fn curved(&self) -> Option<&dyn Curved> {
+        Some(self)
+    }
+}
+
+impl Curved for AshikhminShirley {
+    fn curve(&self, u: f64) -> f64 {
+        self.lobe.root() / (8.0 * PI) * self.lobe.at(u)
+    }
+
+    fn share(&self, half: &Half) -> Share {
+        let quotient = half.cos_i / (half.cos_d * half.cos_i.max(half.cos_o));
+        Share { u: self.lobe.abscissa(half), cos_d: half.cos_d, quotient }
+    }
+
+    fn fresnel(&self) -> Fresnel {
+        self.fresnel
     }
 }

@@ -4,8 +4,10 @@ use std::f64::consts::PI;
 
 use crate::error::Result;
 
+use super::curve::{Curved, Share};
 use super::direction::Half;
 use super::facets::{Facets, HalfModel};
+use super::fresnel::Fresnel;
 use super::power::Power;
 
 /// f = (n + 2) (n + 4) / (8 pi (2^(-n / 2) + n)) (n . h)^n (Blinn 1977): the constant by which all light is reflected at
@@ -32,5 +34,23 @@ impl HalfModel for BlinnPhong {
 
     fn facets(&self) -> &impl Facets {
         &self.lobe
+    }
+
+    fn curved(&self) -> Option<&dyn Curved> {
+        Some(self)
+    }
+}
+
+impl Curved for BlinnPhong {
+    fn curve(&self, u: f64) -> f64 {
+        self.constant * self.lobe.at(u)
+    }
+
+    fn share(&self, half: &Half) -> Share {
+        Share { u: self.lobe.abscissa(half), cos_d: half.cos_d, quotient: half.cos_i }
+    }
+
+    fn fresnel(&self) -> Fresnel {
+        Fresnel::None
     }
 }

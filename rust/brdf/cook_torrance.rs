@@ -2,6 +2,7 @@
 
 use crate::error::Result;
 
+use super::curve::{Curved, Share};
 use super::direction::Half;
 use super::facets::{Facets, HalfModel};
 use super::fresnel::Fresnel;
@@ -33,5 +34,26 @@ impl HalfModel for CookTorrance {
 
     fn facets(&self) -> &impl Facets {
         &self.slopes
+    }
+
+    fn curved(&self) -> Option<&dyn Curved> {
+        Some(self)
+    }
+}
+
+impl Curved for CookTorrance {
+    fn curve(&self, u: f64) -> f64 {
+        self.slopes.normals_at(u)
+    }
+
+    /// The smaller of the cosines divides itself away, and the light's is multiplied by (METHODS H7, NUMERICS 2f).
+    fn share(&self, half: &Half) -> Share {
+        let (u, _) = self.slopes.abscissa(half);
+        let masked = 2.0 * half.cos_h * half.cos_i / (half.cos_d * half.cos_i.max(half.cos_o));
+        Share { u, cos_d: half.cos_d, quotient: 0.25 * masked.min(1.0 / half.cos_o) }
+    }
+
+    fn fresnel(&self) -> Fresnel {
+        self.fresnel
     }
 }

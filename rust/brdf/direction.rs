@@ -35,7 +35,7 @@ pub(super) fn reflected(wo: Direction, h: Direction) -> Option<Direction> {
 }
 
 /// The facet that reflects one of two directions above the horizon into the other.
-pub(super) struct Half {
+pub struct Half {
     /// To the light.
     pub wi: Direction,
     /// To the eye.

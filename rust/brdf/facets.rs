@@ -3,6 +3,7 @@
 use std::fmt::Debug;
 
 use super::albedo::over_facets;
+use super::curve::Curved;
 use super::direction::{Direction, Half, reflected};
 use super::model::{Brdf, dense};
 
@@ -25,6 +26,11 @@ pub(super) trait HalfModel: Debug + Send + Sync {
 
     /// What it is sampled by.
     fn facets(&self) -> &impl Facets;
+
+    /// As `Brdf::curved`.
+    fn curved(&self) -> Option<&dyn Curved> {
+        None
+    }
 }
 
 impl<Model: HalfModel> Brdf for Model {
@@ -40,6 +46,10 @@ impl<Model: HalfModel> Brdf for Model {
     /// dw_h = dw_i / (4 h . wo)
     fn pdf(&self, wi: Direction, wo: Direction) -> f64 {
         Half::between(wi, wo).map_or(0.0, |half| self.facets().density(&half) / (4.0 * half.cos_d))
+    }
+
+    fn curved(&self) -> Option<&dyn Curved> {
+        HalfModel::curved(self)
     }
 
     fn albedo(&self, wo: Direction) -> f64 {

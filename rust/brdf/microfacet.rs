@@ -7,6 +7,7 @@ use std::f64::consts::TAU;
 use crate::error::Result;
 
 use super::albedo::over_facets;
+use super::curve::{Curved, Share};
 use super::direction::{Direction, Half, reflected, unit};
 use super::facets::{Facets, HalfModel};
 use super::fresnel::Fresnel;
@@ -44,6 +45,10 @@ impl HalfModel for Beckmann {
 
     fn facets(&self) -> &impl Facets {
         &self.slopes
+    }
+
+    fn curved(&self) -> Option<&dyn Curved> {
+        Some(self)
     }
 }
 
@@ -98,7 +103,45 @@ impl Brdf for Ggx {
         Half::between(wi, wo).map_or(0.0, |half| 0.25 * self.normals(&half) * self.seen(wo))
     }
 
+    fn curved(&self) -> Option<&dyn Curved> {
+        Some(self)
+    }
+
     fn albedo(&self, wo: Direction) -> f64 {
         over_facets(wo, self.slopes.widths(), |wi| self.evaluate(wi, wo))
+    }
+}
+
+/// The masking stays that of this roughness, whatever becomes of the curve.
+impl Curved for Beckmann {
+    fn curve(&self, u: f64) -> f64 {
+        self.slopes.normals_at(u)
+    }
+
+    fn share(&self, half: &Half) -> Share {
+        let (u, flatter) = self.slopes.abscissa(half);
+        let quotient = 0.25 * flatter * self.seen(half.wi) * self.seen(half.wo) * half.cos_i;
+        Share { u, cos_d: half.cos_d, quotient }
+    }
+
+    fn fresnel(&self) -> Fresnel {
+        self.fresnel
+    }
+}
+
+/// The masking stays that of this roughness, whatever becomes of the curve.
+impl Curved for Ggx {
+    fn curve(&self, u: f64) -> f64 {
+        1.0 / (self.slopes.area() * self.slopes.ellipsoid(u))
+    }
+
+    fn share(&self, half: &Half) -> Share {
+        let (u, flatter) = self.slopes.abscissa(half);
+        let quotient = 0.25 * flatter * self.seen(half.wi) * self.seen(half.wo) * half.cos_i;
+        Share { u, cos_d: half.cos_d, quotient }
+    }
+
+    fn fresnel(&self) -> Fresnel {
+        self.fresnel
     }
 }

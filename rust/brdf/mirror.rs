@@ -7,7 +7,9 @@ use libm::{exp, log, log1p};
 use crate::error::{Error, Result};
 use crate::sampling::frame;
 
-use super::direction::{Direction, above, dot, unit};
+use super::curve::{Curved, Share, abscissa_of_versine};
+use super::direction::{Direction, Half, above, dot, unit};
+use super::fresnel::Fresnel;
 use super::model::{Brdf, dense};
 use super::range::exponent;
 
@@ -46,11 +48,15 @@ impl Lafortune {
         Ok(Lafortune { exponent: exponent("exponent", n, NARROWEST)?, scale: coefficients.map(|c| c / largest) })
     }
 
+    /// 1 - |C wo / max|C||² without the subtraction: for Phong it is 0.
+    fn short(&self, wo: Direction) -> f64 {
+        (0..3).map(|k| (1.0 - self.scale[k]) * (1.0 + self.scale[k]) * wo[k] * wo[k]).sum()
+    }
+
     /// None where the lobe is nowhere.
     fn about(&self, wo: Direction) -> Option<Axis> {
         let axis: Direction = std::array::from_fn(|k| self.scale[k] * wo[k]);
-        // 1 - |axis|² without the subtraction: for Phong it is 0.
-        let short: f64 = (0..3).map(|k| (1.0 - self.scale[k]) * (1.0 + self.scale[k]) * wo[k] * wo[k]).sum();
+        let short = self.short(wo);
         let square = dot(axis, axis);
         let logarithm = if short < 0.5 { log1p(-short) } else { log(square) };
         let height = exp(0.5 * self.exponent * logarithm);
@@ -98,7 +104,35 @@ impl Brdf for Lafortune {
         self.lobe(wi, wo, |_| self.exponent + 1.0)
     }
 
+    fn curved(&self) -> Option<&dyn Curved> {
+        Some(self)
+    }
+
     fn axis(&self, wo: Direction) -> Direction {
         self.about(wo).map_or(wo, |axis| axis.direction)
+    }
+}
+
+/// Its variable is no half vector but its own base b: the abscissa is the fourth root of 1 - b.
+impl Curved for Lafortune {
+    fn curve(&self, u: f64) -> f64 {
+        (self.exponent + 2.0) / TAU * (1.0 - u.powi(4)).powf(self.exponent)
+    }
+
+    /// 1 - b is half of |C wo / max|C| - wi|² + 1 - |C wo / max|C||², in which nothing cancels near the axis.
+    fn share(&self, half: &Half) -> Share {
+        let apart: Direction = std::array::from_fn(|k| self.scale[k] * half.wo[k] - half.wi[k]);
+        let versine = 0.5 * (dot(apart, apart) + self.short(half.wo));
+        // Below the base's zero there is no lobe, whatever the exponent.
+        let quotient = if versine < 1.0 { half.cos_i } else { 0.0 };
+        Share { u: abscissa_of_versine(versine), cos_d: half.cos_d, quotient }
+    }
+
+    fn fresnel(&self) -> Fresnel {
+        Fresnel::None
+    }
+
+    fn about_mirror(&self) -> bool {
+        true
     }
 }

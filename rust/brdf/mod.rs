@@ -8,6 +8,7 @@
 //! direction.rs  the half vector, in forms that keep their digits at grazing angles and in narrow lobes
 //! lobe.rs albedo.rs quadrature.rs      what follows from any model's values: half width, directional albedo
 //! facets.rs     models that follow the half vector, and how they are sampled
+//! curve.rs quotient.rs      a lobe as a curve that is edited, and what is left of the material
 //! fresnel.rs slopes.rs power.rs      parts of models: Fresnel; facets by their slopes (Beckmann), by powers of cosines
 //! lambert.rs mirror.rs blinn_phong.rs ward.rs cook_torrance.rs microfacet.rs ashikhmin_shirley.rs      the models
 //! stored.rs     a model by its number and parameters, as in files
@@ -25,6 +26,7 @@ mod albedo;
 pub mod ashikhmin_shirley;
 pub mod blinn_phong;
 pub mod cook_torrance;
+pub mod curve;
 mod direction;
 mod facets;
 pub mod factor;
@@ -37,6 +39,7 @@ pub mod mirror;
 pub mod model;
 mod power;
 mod quadrature;
+pub mod quotient;
 mod range;
 mod slopes;
 pub mod stored;
@@ -45,6 +48,7 @@ pub mod ward;
 pub use ashikhmin_shirley::AshikhminShirley;
 pub use blinn_phong::BlinnPhong;
 pub use cook_torrance::CookTorrance;
+pub use curve::{Curved, Share};
 pub use direction::Direction;
 pub use factor::Factor;
 pub use fresnel::Fresnel;
@@ -53,5 +57,6 @@ pub use measured::Measured;
 pub use microfacet::{Beckmann, Ggx};
 pub use mirror::{Lafortune, phong};
 pub use model::Brdf;
+pub use quotient::Quotient;
 pub use stored::Stored;
 pub use ward::{Ward, WardDuer};

@@ -3,6 +3,7 @@
 use std::fmt::Debug;
 
 use super::albedo::about_axis;
+use super::curve::Curved;
 use super::direction::{Direction, mirrored};
 use super::lobe::half_width;
 
@@ -37,6 +38,11 @@ pub trait Brdf: Debug + Send + Sync {
     /// anisotropic lobe is oblique): what texels must be finer than. At most pi / 2.
     fn half_width(&self, wo: Direction) -> f64 {
         half_width(self.axis(wo), |wi| self.evaluate(wi, wo))
+    }
+
+    /// Its curve and what is left; None of a model that has no lobe to be edited.
+    fn curved(&self) -> Option<&dyn Curved> {
+        None
     }
 
     /// The share of the light that is reflected to `wo` from an even sky (and, of a reciprocal model, of the light from

@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 
 use crate::error::Result;
 
+use super::curve::abscissa_of_versine;
 use super::direction::{Direction, Half};
 use super::facets::Facets;
 use super::range::exponent;
@@ -33,6 +34,29 @@ impl Power {
         }
         let exponent = (self.exponent[0] * x + self.exponent[1] * y) / square;
         libm::exp(-0.5 * exponent * libm::log1p(square))
+    }
+
+    /// The larger exponent, by which curves are measured.
+    fn narrow(&self) -> f64 {
+        self.exponent[0].max(self.exponent[1])
+    }
+
+    /// The abscissa of a curve at which two directions look it up: that of a cosine, which to the larger exponent is the power.
+    pub fn abscissa(&self, half: &Half) -> f64 {
+        let narrow = self.narrow();
+        let [x, y] = half.slope.map(|s| s * s);
+        let square = x + y;
+        let share = if narrow > 0.0 && square > 0.0 {
+            (self.exponent[0] * x + self.exponent[1] * y) / (square * narrow)
+        } else {
+            1.0
+        };
+        abscissa_of_versine(-(-0.5 * share * square.ln_1p()).exp_m1())
+    }
+
+    /// The power at an abscissa.
+    pub fn at(&self, u: f64) -> f64 {
+        (1.0 - u.powi(4)).powf(self.narrow())
     }
 
     /// sqrt((e_x + 1) (e_y + 1))

@@ -4,6 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use crate::error::Result;
 
+use super::curve::{abscissa_of_slope, slope_at};
 use super::direction::{Direction, Half, unit};
 use super::facets::Facets;
 use super::range::roughness;
@@ -29,6 +30,40 @@ impl Slopes {
     /// pi alpha_x alpha_y
     pub fn area(&self) -> f64 {
         PI * self.alpha[0] * self.alpha[1]
+    }
+
+    /// The narrower roughness, by which curves are measured.
+    fn narrow(&self) -> f64 {
+        self.alpha[0].min(self.alpha[1])
+    }
+
+    /// The abscissa of a curve at which two directions look it up: that of a slope whose ellipse has been made a circle of the
+    /// narrower roughness. And cos⁴ of its angle over cos⁴ theta_h, which a curve of angles cannot hold.
+    pub fn abscissa(&self, half: &Half) -> (f64, f64) {
+        let square = self.squared(half.slope) * self.narrow() * self.narrow();
+        let plain = half.slope[0] * half.slope[0] + half.slope[1] * half.slope[1];
+        let ratio = (1.0 + plain) / (1.0 + square);
+        (abscissa_of_slope(square), ratio * ratio)
+    }
+
+    /// exp(-tan²) of the slope at an abscissa over the roughness, and that angle's cos⁴.
+    pub fn at(&self, u: f64) -> (f64, f64) {
+        let [square, cosine] = slope_at(u);
+        ((-square / (self.narrow() * self.narrow())).exp(), cosine.powi(4))
+    }
+
+    /// cos⁴ (1 + tan² over the roughness)² at an abscissa, in which the tangent is no infinity at the horizon.
+    pub fn ellipsoid(&self, u: f64) -> f64 {
+        let versine = u.powi(4);
+        let (cosine, sine) = (1.0 - versine, versine * (2.0 - versine));
+        (cosine * cosine + sine / (self.narrow() * self.narrow())).powi(2)
+    }
+
+    /// Beckmann's distribution at an abscissa.
+    pub fn normals_at(&self, u: f64) -> f64 {
+        let (exponential, cosine4) = self.at(u);
+        // Where the exponential has vanished its quotient has as well.
+        if exponential > 0.0 { exponential / (self.area() * cosine4) } else { 0.0 }
     }
 
     /// A direction in the frame whose x and y are measured in roughness.

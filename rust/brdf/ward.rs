@@ -2,8 +2,10 @@
 
 use crate::error::Result;
 
+use super::curve::{Curved, Share};
 use super::direction::Half;
 use super::facets::{Facets, HalfModel};
+use super::fresnel::Fresnel;
 use super::slopes::Slopes;
 
 /// f = exp(-tan²theta_h / alpha²) / (4 pi alpha² sqrt(n.wi n.wo)), elliptic in general (Ward 1992, eq. 5; the half vector's
@@ -47,6 +49,10 @@ impl HalfModel for Ward {
     fn facets(&self) -> &impl Facets {
         &self.slopes
     }
+
+    fn curved(&self) -> Option<&dyn Curved> {
+        Some(self)
+    }
 }
 
 impl HalfModel for WardDuer {
@@ -56,5 +62,44 @@ impl HalfModel for WardDuer {
 
     fn facets(&self) -> &impl Facets {
         &self.slopes
+    }
+
+    fn curved(&self) -> Option<&dyn Curved> {
+        Some(self)
+    }
+}
+
+/// The lobe at an abscissa.
+fn lobe_at(slopes: &Slopes, u: f64) -> f64 {
+    slopes.at(u).0 / (4.0 * slopes.area())
+}
+
+impl Curved for Ward {
+    fn curve(&self, u: f64) -> f64 {
+        lobe_at(&self.slopes, u)
+    }
+
+    fn share(&self, half: &Half) -> Share {
+        let (u, _) = self.slopes.abscissa(half);
+        Share { u, cos_d: half.cos_d, quotient: (half.cos_i / half.cos_o).sqrt() }
+    }
+
+    fn fresnel(&self) -> Fresnel {
+        Fresnel::None
+    }
+}
+
+impl Curved for WardDuer {
+    fn curve(&self, u: f64) -> f64 {
+        lobe_at(&self.slopes, u)
+    }
+
+    fn share(&self, half: &Half) -> Share {
+        let (u, _) = self.slopes.abscissa(half);
+        Share { u, cos_d: half.cos_d, quotient: 1.0 / half.cos_o }
+    }
+
+    fn fresnel(&self) -> Fresnel {
+        Fresnel::None
     }
 }

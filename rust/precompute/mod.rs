@@ -3,6 +3,7 @@
 
 pub mod bounces;
 pub mod contrast;
+pub mod curve;
 pub mod direct;
 pub mod emission;
 pub mod links;
@@ -11,14 +12,17 @@ pub mod node_pass;
 pub mod pass;
 mod projection;
 pub mod radiosity;
+mod respond;
 mod texels;
 mod visibility;
 
 pub use bounces::{Bounces, Interreflection, Share};
 pub use contrast::contrast;
+pub use curve::CurvePass;
 pub use direct::DirectPass;
 pub use emission::Emitters;
 pub use links::{FormFactors, Gathering, Links, form_factors, links};
 pub use lobes::{Lobes, Shape as LobeShape, models};
 pub use node_pass::NodePass;
 pub use pass::{Made, Pass, Probed, Rays, Shape, Surveyed, probe, survey, tile};
+pub use respond::respond;

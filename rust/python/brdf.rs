@@ -159,6 +159,18 @@ impl Brdf {
         Brdf::of(AshikhminShirley::new([exponent, exponent_v], Fresnel::of(n, k, f0)?))
     }
 
+    /// The lobe as a curve at abscissas (n,): (n,) float64; refuses models without one.
+    fn curve<'py>(
+        &self,
+        py: Python<'py>,
+        abscissas: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let curved = self.model.curved();
+        let curved =
+            curved.ok_or_else(|| Error::input(format!("expected a model with a lobe, got {:?}", self.model)))?;
+        Ok(PyArray1::from_iter(py, abscissas.as_array().iter().map(|&u| curved.curve(u))))
+    }
+
     /// f of wi (n, 3) and wo (n, 3): (n,) float64.
     fn evaluate<'py>(
         &self,

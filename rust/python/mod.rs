@@ -5,6 +5,7 @@ mod beside;
 mod bounces;
 mod brdf;
 mod clusters;
+mod curves;
 mod emission;
 mod harmonics;
 mod interrupt;
@@ -65,6 +66,7 @@ fn core_module(module: &Bound<'_, PyModule>) -> PyResult<()> {
     bounces::register(module)?;
     brdf::register(module)?;
     clusters::register(module)?;
+    curves::register(module)?;
     emission::register(module)?;
     tracer::register(module)?;
     Ok(())

@@ -128,6 +128,16 @@ impl Receivers {
         Arc::clone(&self.lobes)
     }
 
+    /// Unit vectors from the rows to an eye.
+    pub(super) fn eyes(&self, eye: [f64; 3]) -> Vec<[f32; 3]> {
+        let to_eye = |position: &[f32; 3]| {
+            let way: [f64; 3] = std::array::from_fn(|k| eye[k] - f64::from(position[k]));
+            let length = way.iter().map(|x| x * x).sum::<f64>().sqrt().max(f64::MIN_POSITIVE);
+            way.map(|x| (x / length) as f32)
+        };
+        self.position.iter().map(to_eye).collect()
+    }
+
     /// What is known of vertices; refuses pixels.
     pub(super) fn vertices(&self) -> Result<&Vertices> {
         match &self.kind {
@@ -194,13 +204,9 @@ impl Receivers {
         });
         let all: Vec<(usize, Option<(usize, u16)>)> = plain.chain(shiny).collect();
         let points = self.points.some(all.iter().map(|&(row, _)| row));
-        let to_eye = |row: usize| {
-            let way: [f64; 3] = std::array::from_fn(|k| eye[k] - f64::from(self.position[row][k]));
-            let length = way.iter().map(|x| x * x).sum::<f64>().sqrt().max(f64::MIN_POSITIVE);
-            way.map(|x| (x / length) as f32)
-        };
+        let to_eye = self.eyes(eye);
         let of_row = all.iter().map(|(_, lobe)| lobe.map_or(DIFFUSE, |(_, model)| model)).collect();
-        let eyes = all.iter().map(|&(row, _)| to_eye(row)).collect();
+        let eyes = all.iter().map(|&(row, _)| to_eye[row]).collect();
         let lobes = Arc::new(Lobes::new(models, of_row, eyes, &points.normal)?);
         let picked = |items: &[u32]| all.iter().map(|&(row, _)| items[row]).collect::<Vec<u32>>();
         Ok(Receivers {

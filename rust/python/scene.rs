@@ -2,17 +2,17 @@
 
 use std::sync::Arc;
 
-use numpy::{IntoPyArray, PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::precompute::{DirectPass as Direct, Pass, contrast, probe, survey, tile};
+use crate::precompute::{DirectPass as Direct, Pass, Rays, Surveyed, contrast, probe, respond, survey, tile};
 use crate::scene::rays::Tracer;
 use crate::scene::{Faces, Mesh, PixelSampling, Receivers as Rows, Shading, Surfaces, Vertices};
-use crate::transport::{Measure, Truncation};
+use crate::transport::{Measure, Threshold, Truncation};
 
-use super::arrays::vectors;
+use super::arrays::{coefficients, rows_of, vectors};
 use super::pieces::TileData;
 use super::rows::{Camera, Receivers};
 use super::{abandonable, compute, interruptible};
@@ -137,6 +137,24 @@ pub(crate) struct Looked {
     open_rays: u64,
 }
 
+impl Looked {
+    /// Of the threshold that was chosen, and what it was chosen by.
+    pub(super) fn new(py: Python<'_>, (threshold, surveyed, rays): (Threshold, Surveyed, Rays)) -> PyResult<Self> {
+        Ok(Looked {
+            threshold: threshold.value,
+            error: threshold.error,
+            errors: threshold.errors,
+            entries_per_group: threshold.entries_per_group,
+            texel_bytes: surveyed.texel_bytes,
+            groups: surveyed.groups.into_pyarray(py).unbind(),
+            audit: Py::new(py, TileData(surveyed.audit))?,
+            first_rays: rays.first,
+            edge_rays: rays.edge,
+            open_rays: rays.open,
+        })
+    }
+}
+
 /// The direct diffuse pass over the receivers of a scene.
 #[pyclass(frozen, module = "deltalux._core")]
 pub(crate) struct DirectPass(Direct);
@@ -180,23 +198,24 @@ impl DirectPass {
             Ok(Measure { decides, truncated: vectors("a light", &truncated)?, whole: vectors("a light", &whole)? })
         };
         let lights = Arc::new(lights.into_iter().map(measure).collect::<Result<Vec<_>>>()?);
-        let (threshold, surveyed, rays) = interruptible(py, progress, |watch| {
+        let looked = interruptible(py, progress, |watch| {
             let (mut surveyed, rays) = survey(&self.0, bundles, &[rule], &lights, &|rows| watch.advance(rows))?;
             let surveyed = surveyed.swap_remove(0);
             Ok((surveyed.survey.threshold_for(tolerance)?, surveyed, rays))
         })?;
-        Ok(Looked {
-            threshold: threshold.value,
-            error: threshold.error,
-            errors: threshold.errors,
-            entries_per_group: threshold.entries_per_group,
-            texel_bytes: surveyed.texel_bytes,
-            groups: surveyed.groups.into_pyarray(py).unbind(),
-            audit: Py::new(py, TileData(surveyed.audit))?,
-            first_rays: rays.first,
-            edge_rays: rays.edge,
-            open_rays: rays.open,
-        })
+        Looked::new(py, looked)
+    }
+
+    /// The response of rows as they are made to V, (columns, 3) float64: (rows, 3) float32.
+    #[pyo3(signature = (v, *, progress = None))]
+    fn respond(
+        &self,
+        py: Python<'_>,
+        v: PyReadonlyArray2<'_, f64>,
+        progress: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Py<PyArray2<f32>>> {
+        let v = coefficients(&v)?;
+        rows_of(py, &interruptible(py, progress, |watch| respond(&self.0, v, &|rows| watch.advance(rows)))?)
     }
 
     /// How much the rows of pairs (n, 2) uint32 differ, relative to the norm of rows in the mean: (n,) float32.

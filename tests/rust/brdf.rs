@@ -11,7 +11,7 @@ use _core::brdf::{
 use _core::sampling::jitter;
 use proptest::prelude::*;
 
-type Model = Box<dyn Brdf>;
+pub type Model = Box<dyn Brdf>;
 
 /// A direction at an angle to the normal and an azimuth, in degrees.
 fn at(theta: f64, phi: f64) -> Direction {
@@ -61,7 +61,7 @@ fn conserving() -> impl Strategy<Value = Model> {
     ]
 }
 
-fn models() -> impl Strategy<Value = Model> {
+pub fn models() -> impl Strategy<Value = Model> {
     let duer = [roughness(), roughness()].prop_map(|a| Box::new(WardDuer::new(a).unwrap()) as Model);
     prop_oneof![8 => conserving(), 1 => duer]
 }
@@ -76,7 +76,7 @@ fn raised() -> impl Strategy<Value = Direction> {
 }
 
 /// Two directions: any, or related as what is hard to tell apart is.
-fn pairs() -> impl Strategy<Value = (Direction, Direction)> {
+pub fn pairs() -> impl Strategy<Value = (Direction, Direction)> {
     (raised(), raised(), 0..8).prop_map(|(wi, wo, kind)| match kind {
         0 => (wo, wo),
         1 => (wo.map(|x| -x), wo),
@@ -87,7 +87,7 @@ fn pairs() -> impl Strategy<Value = (Direction, Direction)> {
     })
 }
 
-fn near(a: f64, b: f64, relative: f64) -> bool {
+pub fn near(a: f64, b: f64, relative: f64) -> bool {
     (a - b).abs() <= relative * a.abs().max(b.abs())
 }
 

@@ -6,6 +6,7 @@ mod basis;
 mod bounces;
 mod brdf;
 mod clustered;
+mod curves;
 mod emission;
 mod file;
 mod harmonics;
