@@ -11,11 +11,11 @@
 //! | room | what is in it | uses |
 //! |---|---|---|
 //! | [`basis`] | columns and bands; cubemaps, Haar wavelets on them and on trees, spherical harmonics | nothing |
-//! | [`brdf`] | models of reflectance and measured tables: evaluate, sample, pdf, albedo | nothing |
+//! | [`brdf`] | models of reflectance and measured tables: evaluate, sample, pdf, albedo; lobes as curves | nothing |
 //! | [`light`] | environment maps: rotation, resampling, projection | basis |
 //! | [`scene`] | triangles, camera, rays, receivers | nothing |
 //! | [`transport`] | M: tiles, truncation, what links several matrices, files | basis |
-//! | [`precompute`] | passes that make M | scene, transport, basis |
+//! | [`precompute`] | passes that make M | scene, transport, basis, brdf |
 //! | [`update`] | B = M V, frame after frame: choosing, multiplying, and a bound | transport, basis |
 //! | [`relight`] | responses to pictures | nothing |
 //!

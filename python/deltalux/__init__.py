@@ -7,14 +7,17 @@ from . import brdf as brdf
 from ._core import FileError, __version__, set_threads, threads
 from .camera import Camera
 from .columns import Haar, SphericalHarmonics
+from .edit import BrdfEditor, EditedFrame, NeedsPrecompute, StaleTransport
 from .light import sequences
 from .light.environment import Environment
 from .precomputation import views as _views  # noqa: F401, transports are told of what is made of them there
+from .precomputation.curves import precompute_curves
 from .precomputation.run import plan, precompute
 from .relight.compare import Comparison, compare
 from .relight.relighter import Frame, Relighter
 from .scene.scene import Scene
 from .surface.material import Material
+from .transport.curves import CurveTransport
 from .transport.plan import Plan
 from .transport.transport import Transport
 from .update.approximation import Approximation, Update
@@ -23,9 +26,12 @@ from .update.methods import Full, HarmonicOrder, Incremental, Linear, Method, No
 
 __all__ = [
     "Approximation",
+    "BrdfEditor",
     "Camera",
     "Choice",
     "Comparison",
+    "CurveTransport",
+    "EditedFrame",
     "Environment",
     "FileError",
     "Frame",
@@ -36,12 +42,14 @@ __all__ = [
     "Linear",
     "Material",
     "Method",
+    "NeedsPrecompute",
     "Nonlinear",
     "PerBand",
     "Plan",
     "Relighter",
     "Scene",
     "SphericalHarmonics",
+    "StaleTransport",
     "State",
     "Transport",
     "Update",
@@ -49,6 +57,7 @@ __all__ = [
     "compare",
     "plan",
     "precompute",
+    "precompute_curves",
     "sequences",
     "set_threads",
     "threads",

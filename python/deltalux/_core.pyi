@@ -56,8 +56,15 @@ __all__ = [
     "Behind",
     "display",
     "Brdf",
+    "CURVE",
+    "CURVE_FACE",
+    "CurvePass",
     "MERL",
     "Measured",
+    "Quotient",
+    "daubechies4_forward",
+    "daubechies4_inverse",
+    "fresnel",
 ]
 
 __version__: Final[str]
@@ -65,6 +72,8 @@ DEBUG_BUILD: Final[bool]
 GROUP: Final[int]
 TILES_PER_SHARD: Final[int]
 MERL: Final[list[int]]
+CURVE: Final[int]
+CURVE_FACE: Final[int]
 
 class FileError(ValueError): ...
 class Cancelled(RuntimeError): ...
@@ -82,6 +91,9 @@ def set_threads(threads: int) -> None: ...
 def threads() -> int: ...
 def entry_bytes(width: str, channels: int) -> int: ...
 def column_bands(columns: str) -> tuple[list[int], NDArray[np.float64]]: ...
+def daubechies4_forward(curves: NDArray[np.float64]) -> NDArray[np.float64]: ...
+def daubechies4_inverse(coefficients: NDArray[np.float64]) -> NDArray[np.float64]: ...
+def fresnel(n: float, k: float, cosines: NDArray[np.float64]) -> NDArray[np.float64]: ...
 def haar_coefficients(size: int, cubemap: NDArray[np.float32]) -> NDArray[np.float64]: ...
 def haar_without_texels(size: int, coefficients: NDArray[np.float64]) -> NDArray[np.float64]: ...
 def haar_inverse(size: int, coefficients: NDArray[np.float64]) -> NDArray[np.float32]: ...
@@ -183,6 +195,7 @@ class Receivers:
 @final
 class DirectPass:
     def __new__(cls, scene: Scene, receivers: Receivers, *, columns: str, edge_side: int) -> DirectPass: ...
+    def respond(self, v: NDArray[np.float64], *, progress: _Progress = None) -> NDArray[np.float32]: ...
     def contrast(self, pairs: NDArray[np.uint32], *, progress: _Progress = None) -> NDArray[np.float32]: ...
     @property
     def channels(self) -> int: ...
@@ -202,6 +215,53 @@ class DirectPass:
     def tile(
         self, first: int, rows: int, *, threshold: float, quantum: int, width: str, progress: _Progress = None
     ) -> tuple[TileData, int, int]: ...
+
+@final
+class Quotient:
+    @staticmethod
+    def of_model(model: Brdf) -> Quotient: ...
+    @staticmethod
+    def of_measured(table: Measured, curve: NDArray[np.float64]) -> Quotient: ...
+    def shares(
+        self, wi: NDArray[np.float64], wo: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]: ...
+
+@final
+class CurvePass:
+    def __new__(
+        cls,
+        scene: Scene,
+        receivers: Receivers,
+        quotient: Quotient,
+        *,
+        eye: tuple[float, float, float],
+        factors: NDArray[np.float64],
+        light: list[NDArray[np.float32]],
+        edge_side: int,
+    ) -> CurvePass: ...
+    def survey(
+        self,
+        bundles: int,
+        *,
+        tolerance: float,
+        weights: NDArray[np.float64],
+        quantum: int,
+        width: str,
+        curves: list[NDArray[np.float64]],
+        progress: _Progress = None,
+    ) -> Looked: ...
+    def tile(
+        self,
+        first: int,
+        rows: int,
+        *,
+        threshold: float,
+        weights: NDArray[np.float64],
+        quantum: int,
+        width: str,
+        progress: _Progress = None,
+    ) -> tuple[TileData, int, int]: ...
+    def respond(self, v: NDArray[np.float64], *, progress: _Progress = None) -> NDArray[np.float32]: ...
 
 @final
 class Looked:
@@ -619,6 +679,7 @@ class Brdf:
     def ashikhmin_shirley(
         exponent: float, exponent_v: float, n: float | None, k: float | None, f0: float | None
     ) -> Brdf: ...
+    def curve(self, abscissas: NDArray[np.float64]) -> NDArray[np.float64]: ...
     def evaluate(self, wi: NDArray[np.float64], wo: NDArray[np.float64]) -> NDArray[np.float64]: ...
     def pdf(self, wi: NDArray[np.float64], wo: NDArray[np.float64]) -> NDArray[np.float64]: ...
     def sample(

@@ -36,7 +36,8 @@ PYTHON_FLOORS = (
     ("surface",),
     ("transport", "scene", "pages"),
     ("relight", "precomputation"),
-    ("report", "edit", "__init__"),
+    ("report", "edit"),
+    ("__init__",),
     ("studies", "view"),
     ("command",),
     ("__main__",),
@@ -70,6 +71,7 @@ TRACES = {
 # What a type checker sees upwards or across a floor, and no program runs.
 GLANCES = {
     # Light projects itself: columns only say in their signatures that they are asked with light.
+    ("columns/daubechies4", "light/environment"),
     ("columns/haar", "light/environment"),
     ("columns/harmonics", "light/environment"),
     ("columns/inner", "light/environment"),

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from .._core import column_bands
 from ..checks import read_only
+from .daubechies4 import Daubechies4
 from .parse import Columns, parse
 
 if TYPE_CHECKING:
@@ -96,7 +97,7 @@ def _bands(name: str) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
     return read_only(np.repeat(np.arange(len(starts) - 1), np.diff(starts))), read_only(areas)
 
 
-AnyColumns = Columns | Inner
+AnyColumns = Columns | Inner | Daubechies4
 
 
 def parse_any(text: str) -> AnyColumns:
@@ -105,15 +106,18 @@ def parse_any(text: str) -> AnyColumns:
     Parameters
     ----------
     text
-        Such as ``"haar:64"``, ``"sh:20"`` or ``"tree:4096"``.
+        Such as ``"haar:64"``, ``"sh:20"``, ``"tree:4096"`` or ``"d4:3"``.
 
     Returns
     -------
-    Haar, SphericalHarmonics or Inner
+    Haar, SphericalHarmonics, Inner or Daubechies4
 
     Raises
     ------
     ValueError
         If the text names no columns.
     """
-    return Inner(text) if text.partition(":")[0] in _KINDS else parse(text)
+    kind, _, number = text.partition(":")
+    if kind == "d4" and number.isascii() and number.isdigit():
+        return Daubechies4(int(number))
+    return Inner(text) if kind in _KINDS else parse(text)

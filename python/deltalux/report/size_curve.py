@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..columns.haar import Haar
-from ..columns.inner import Inner
+from ..columns import Haar, SphericalHarmonics
 from ..light.environment import Environment
 from ..light.motion import Motion
 from ..relight.errors import errors_of_lights
@@ -95,7 +94,7 @@ def _turning(transport: Transport, env: Environment, motion: Motion, peaks: int 
 def _suns(transport: Transport) -> NDArray[np.float64]:
     """V of single bright texels of the upper half of the sky, (k, columns, 3)."""
     columns = transport.columns
-    n = 1 if isinstance(columns, Inner) else columns.face
+    n = columns.face if isinstance(columns, Haar | SphericalHarmonics) else 1
     random = np.random.default_rng(1)
     maps = np.zeros((_SUNS, 6, n, n, 3), np.float32)
     for cubemap in maps:

@@ -91,14 +91,31 @@ class Surface:
         ValueError
             If there is no such material.
         """
-        number = self._numbered(which)
+        number = self.numbered(which)
         if not isinstance(material, Material):
             raise ValueError(f"expected a dl.Material, got {material!r:.80}")
         all_ = list(self.materials)
         all_[number] = material
         return replace(self, **of_materials(all_))
 
-    def _numbered(self, which: int | str) -> int:
+    def numbered(self, which: int | str) -> int:
+        """The number of a material.
+
+        Parameters
+        ----------
+        which : int or str
+            Its number, or its name.
+
+        Returns
+        -------
+        int
+            Its row of `albedo`.
+
+        Raises
+        ------
+        ValueError
+            If there is no such material, or several go by the name.
+        """
         own = [number for number, name in enumerate(self.names) if name == which]
         if len(own) > 1:
             raise ValueError(f"expected a number, as {len(own)} materials are called {which!r}")
