@@ -1,0 +1,58 @@
+"""`deltalux edit`: a session of edits of reflectance, played over a transport of curves or as a demo."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from ..edit.editor import BrdfEditor
+from ..edit.jewels import FRESNEL, MATERIALS, edits, jewels
+from ..edit.session import play, read_session
+from ..output import check_folder
+from ..precomputation.curves import precompute_curves
+from ..transport.curves import CurveTransport
+from ..update.methods import Incremental
+from .arguments import add_command, add_light, environment_of, read_size, say
+
+_DEMO = "demo"
+_FOLDER, _LIGHT, _SIZE = "deltalux-edit", "hall", (144, 108)
+
+
+def add(commands: Any) -> None:
+    """The command and its arguments."""
+    command = add_command(commands, "edit", _run, "edits of reflectance under a light that stands still")
+    command.set_defaults(when_stopped="stopped; the same command resumes the precomputation where it left off")
+    command.add_argument(
+        "transport", metavar="TRANSPORT", help=f"a transport of curves, or {_DEMO}: pearl earrings, in two minutes"
+    )
+    command.add_argument("--session", metavar="FILE", help="edits as JSON (deltalux.edit.session)")
+    command.add_argument("--terms", type=int, default=30, help="columns a frame and material; default: %(default)s")
+    add_light(command, default=f"{_LIGHT}, of the {_DEMO}")
+    command.add_argument("--size", type=read_size, metavar="WxH", help=f"of the {_DEMO}; default: 144x108")
+    command.add_argument("-o", "--output", default=_FOLDER, metavar="FOLDER", help="default: %(default)s")
+
+
+def _run(chosen: argparse.Namespace) -> None:
+    folder, method = check_folder(chosen.output), Incremental(terms=chosen.terms)
+    if chosen.transport == _DEMO:
+        page = _demo(chosen, folder, method)
+    else:
+        if chosen.session is None or chosen.env is not None or chosen.size is not None:
+            raise ValueError(f"expected --session FILE, and --env and --size with {_DEMO} only")
+        session = read_session(chosen.session)
+        page = play(BrdfEditor(CurveTransport.open(chosen.transport), method), session, folder, "A session of edits")
+    say(f"{page.parent.absolute()} holds the session; open {page.absolute()} in a browser")
+
+
+def _demo(chosen: argparse.Namespace, folder: Path, method: Incremental) -> Path:
+    """Pearl earrings: precomputed into the folder, then edited."""
+    session = edits() if chosen.session is None else read_session(chosen.session)
+    env = environment_of(chosen.env or _LIGHT, chosen)
+    folder.mkdir(parents=True, exist_ok=True)
+    transport = precompute_curves(
+        jewels(chosen.size or _SIZE), folder / "jewels.curves", env=env, materials=MATERIALS, fresnel=FRESNEL
+    )
+    for part in transport.parts.values():
+        say(part)
+    return play(BrdfEditor(transport, method), session, folder, "Editing pearl earrings")
