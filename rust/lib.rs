@@ -11,7 +11,7 @@
 //! | room | what is in it | uses |
 //! |---|---|---|
 //! | [`basis`] | columns and bands; cubemaps, Haar wavelets on them and on trees, spherical harmonics | nothing |
-//! | [`brdf`] | models of reflectance and measured tables: evaluate, sample, pdf, albedo; lobes as curves | nothing |
+//! | [`brdf`] | models of reflectance and measured tables: evaluate, sample, pdf, albedo; lobes as curves; families of models | basis |
 //! | [`light`] | environment maps: rotation, resampling, projection | basis |
 //! | [`scene`] | triangles, camera, rays, receivers | nothing |
 //! | [`transport`] | M: tiles, truncation, what links several matrices, files | basis |

@@ -5,6 +5,7 @@ B = M V: M is ray traced once (`precompute`); V, the light, moves; a `Relighter`
 
 from . import brdf as brdf
 from ._core import FileError, __version__, set_threads, threads
+from .brdf.family import Family
 from .camera import Camera
 from .columns import Haar, SphericalHarmonics
 from .edit import BrdfEditor, EditedFrame, NeedsPrecompute, StaleTransport
@@ -33,6 +34,7 @@ __all__ = [
     "CurveTransport",
     "EditedFrame",
     "Environment",
+    "Family",
     "FileError",
     "Frame",
     "Full",

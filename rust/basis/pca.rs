@@ -37,7 +37,7 @@ pub struct SparseRows {
 /// A mean and orthonormal axes through it.
 #[derive(Clone, Debug)]
 pub struct Subspace {
-    /// Of the rows.
+    /// Of the rows, or what stands for it.
     pub mean: Vec<f64>,
     /// Columns of the block, the axis that holds most first; as many as were asked, or as the rows' rank.
     pub axes: Block,
@@ -159,7 +159,12 @@ impl Block {
 impl Subspace {
     /// Of `rows`, with at most `each` axes; `rounds` of power iteration. What it finds depends on nothing else.
     pub fn fit(rows: &SparseRows, each: usize, rounds: usize) -> Subspace {
-        let (mean, count) = (rows.mean(), rows.count());
+        Subspace::about(rows, rows.mean(), each, rounds)
+    }
+
+    /// The same through a point that is given in the place of the mean.
+    pub fn about(rows: &SparseRows, mean: Vec<f64>, each: usize, rounds: usize) -> Subspace {
+        let count = rows.count();
         let width = (each + BEYOND).min(count).min(rows.width);
         if each == 0 || width == 0 {
             return Subspace::new(mean, Block::zeros(rows.width, 0), Vec::new());

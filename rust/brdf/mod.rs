@@ -12,6 +12,7 @@
 //! fresnel.rs slopes.rs power.rs      parts of models: Fresnel; facets by their slopes (Beckmann), by powers of cosines
 //! lambert.rs mirror.rs blinn_phong.rs ward.rs cook_torrance.rs microfacet.rs ashikhmin_shirley.rs      the models
 //! stored.rs     a model by its number and parameters, as in files
+//! family/       a model over the range of its parameter, as few functions that span it
 //! factor.rs     of a lobe that is seen from anywhere, what depends on the light
 //! measured/     tables of measured materials, in three colours
 //! ```
@@ -30,6 +31,7 @@ pub mod curve;
 mod direction;
 mod facets;
 pub mod factor;
+pub mod family;
 pub mod fresnel;
 pub mod lambert;
 mod lobe;

@@ -7,6 +7,7 @@ mod brdf;
 mod clusters;
 mod curves;
 mod emission;
+mod family;
 mod harmonics;
 mod interrupt;
 mod light;
@@ -65,6 +66,7 @@ fn core_module(module: &Bound<'_, PyModule>) -> PyResult<()> {
     rows::register(module)?;
     bounces::register(module)?;
     brdf::register(module)?;
+    family::register(module)?;
     clusters::register(module)?;
     curves::register(module)?;
     emission::register(module)?;

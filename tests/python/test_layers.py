@@ -22,8 +22,8 @@ RUST, PYTHON = ROOT / "rust", ROOT / "python" / "deltalux"
 # The floors of both languages, from the ground up. A room is a folder or, where there is none, a file.
 RUST_FLOORS = (
     ("error", "sampling", "metrics"),
-    ("basis", "brdf"),
-    ("light", "transport"),
+    ("basis",),
+    ("light", "transport", "brdf"),
     ("scene", "update"),
     ("precompute", "relight", "edit"),
     ("python",),

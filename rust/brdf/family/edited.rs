@@ -1,0 +1,104 @@
+//! What is edited of a model: the factor f_E of the half vector that its parameter acts on.
+//!
+//! Angles are given as 1 - cos delta, which keeps its digits in narrow lobes. Of a model of the half vector delta is its
+//! angle to the normal; of Lafortune's, the angle whose cosine is the base of the power (Nguyen 2010, section 4).
+
+use std::f64::consts::PI;
+
+use crate::brdf::range::within;
+use crate::error::{Error, Result};
+
+/// A model with one parameter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Model {
+    /// f_F = 1.
+    BlinnPhong,
+    /// f_F = 1 / sqrt(n.wi n.wo).
+    Ward,
+    /// f_F = 1 / (n.wi n.wo).
+    WardDuer,
+    /// f_F = 1.
+    Lafortune,
+    /// f_F = G F / (4 n.wi n.wo).
+    CookTorrance,
+    /// f_F = F / (h.wo max(n.wi, n.wo)).
+    AshikhminShirley,
+}
+
+/// All of them, by name.
+pub const MODELS: [(&str, Model); 6] = [
+    ("blinn-phong", Model::BlinnPhong),
+    ("ward", Model::Ward),
+    ("ward-duer", Model::WardDuer),
+    ("lafortune", Model::Lafortune),
+    ("cook-torrance", Model::CookTorrance),
+    ("ashikhmin-shirley", Model::AshikhminShirley),
+];
+
+/// f_E of a model, in one of two forms.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Edited {
+    /// Whose it is.
+    pub model: Model,
+    /// As Nguyen 2010 prints it (table 4), in the place of the form under which the model reflects no more than all light:
+    /// Blinn and Phong's reflects up to four times as much, Cook and Torrance's has cos^4 delta in the other factor.
+    pub printed: bool,
+}
+
+impl Edited {
+    /// By the model's name.
+    pub fn named(name: &str, printed: bool) -> Result<Edited> {
+        let found = MODELS.iter().find(|(known, _)| *known == name);
+        let model = found.map(|&(_, model)| model).ok_or_else(|| {
+            let names = MODELS.map(|(name, _)| name).join(", ");
+            Error::input(format!("expected a model of {names}, got {name:?}"))
+        })?;
+        Ok(Edited { model, printed })
+    }
+
+    /// Whether the parameter is an exponent; else it is a roughness.
+    fn is_power(self) -> bool {
+        matches!(self.model, Model::BlinnPhong | Model::Lafortune | Model::AshikhminShirley)
+    }
+
+    /// Refuses a range that is none, or leaves the models' own.
+    pub fn check(self, [low, high]: [f64; 2]) -> Result<()> {
+        let [least, most] = if self.is_power() { [1.0, 1e4] } else { [0.005, 10.0] };
+        within("gamma", low, least, most)?;
+        within("gamma", high, least, most)?;
+        match low < high {
+            true => Ok(()),
+            false => Err(Error::input(format!("expected a range of gamma that grows, got {low} to {high}"))),
+        }
+    }
+
+    /// About 1 - cos delta at which the narrowest lobe of a range has fallen to 1 / e.
+    pub(super) fn width(self, [low, high]: [f64; 2]) -> f64 {
+        if self.is_power() { 1.0 / high } else { (0.5 * low * low).min(1.0) }
+    }
+
+    /// f_E.
+    pub fn value(self, gamma: f64, fall: f64) -> f64 {
+        // ln cos delta; at the horizon all lobes have ended.
+        let logarithm = (-fall).ln_1p();
+        if logarithm == f64::NEG_INFINITY {
+            return 0.0;
+        }
+        let power = (gamma * logarithm).exp();
+        let gaussian = |quarters: f64| {
+            let cosine = 1.0 - fall;
+            let tangent2 = fall * (2.0 - fall) / (cosine * cosine);
+            (-tangent2 / (gamma * gamma) - quarters * logarithm).exp() / (PI * gamma * gamma)
+        };
+        match (self.model, self.printed) {
+            (Model::BlinnPhong, false) => {
+                (gamma + 2.0) * (gamma + 4.0) / (8.0 * PI * ((-0.5 * gamma).exp2() + gamma)) * power
+            }
+            (Model::BlinnPhong, true) | (Model::Lafortune, _) => (gamma + 2.0) / (2.0 * PI) * power,
+            (Model::AshikhminShirley, _) => (gamma + 1.0) / (8.0 * PI) * power,
+            (Model::Ward | Model::WardDuer, _) => 0.25 * gaussian(0.0),
+            (Model::CookTorrance, false) => gaussian(4.0),
+            (Model::CookTorrance, true) => gaussian(0.0),
+        }
+    }
+}
