@@ -24,6 +24,7 @@ from deltalux.studies.coherence.plane import Candidate, best_within, candidates,
 from deltalux.studies.coherence.reset_raster import rasters
 from deltalux.studies.interreflection import furnace_pages, furnaces
 from deltalux.studies.pictures import cross
+from deltalux.studies.reflectance import family_findings
 from deltalux.update.methods import Full, Incremental, Nonlinear, PerBand
 from hypothesis import given
 from hypothesis import strategies as st
@@ -46,10 +47,12 @@ def named(names):
 
 @pytest.fixture(autouse=True)
 def few_furnaces(monkeypatch):
-    """Rooms of one albedo show all that those of four do."""
+    """Rooms of one albedo show all that those of four do, and families of two numbers of functions all that ten do."""
     monkeypatch.setattr(furnaces, "ALBEDOS", (0.9,))
     monkeypatch.setattr(furnaces, "_BALL_ALBEDOS", (0.9,))
     monkeypatch.setattr(furnace_pages, "ALBEDOS", (0.9,))
+    monkeypatch.setattr(family_findings, "_COUNTS", (6, 7))
+    monkeypatch.setattr(family_findings, "_ALONG", 9)
 
 
 def corner():
@@ -129,6 +132,7 @@ def test_bad_requests_are_refused_before_anything_is_written(cornell, tmp_path):
         (("equal-time", out, HALL), "expected a scene"),
         (("peaks", out, HALL, cornell), "expected a transport in columns like haar:64\\+texels"),
         (("slides", out, HALL, cornell), "traces scenes itself: expected a scene"),
+        (("families", out, HALL, cornell), "looks at six models: expected no scene"),
     ):
         with pytest.raises(ValueError, match=message):
             study(*arguments)

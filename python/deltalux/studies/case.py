@@ -37,10 +37,14 @@ class Case:
     """Methods of one's own that take part."""
     scene: Scene | None = None
     """What a study traces itself, in several ways."""
+    subject: str | None = None
+    """What a study looks at that is neither light nor a scene."""
 
     @property
     def name(self) -> str:
-        """The light, and the scene if there is one."""
+        """The light, and the scene if there is one; or what is looked at in their place."""
+        if self.subject is not None:
+            return self.subject
         if self.scene is not None:
             return f"{self.env.name} on {self.scene.name}"
         return self.env.name if self.transport is None else f"{self.env.name} on {self.transport.plan.scene}"

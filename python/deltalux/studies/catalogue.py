@@ -7,6 +7,7 @@ from .clustered import clusters
 from .coherence import coverage, energy, equal_quality, equal_time, evolution, lighting_error, phase_map, reset_raster
 from .harmonics import blocker, two_bases
 from .interreflection import bounces, slides
+from .reflectance import families
 from .shape import Study
 
 __all__ = ["STUDIES"]
@@ -26,5 +27,6 @@ STUDIES: dict[str, Study] = {
     "blocker": blocker.STUDY,
     "bounces": bounces.STUDY,
     "slides": slides.STUDY,
+    "families": families.STUDY,
 }
 """By name, in the order of the papers."""

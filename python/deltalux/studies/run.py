@@ -78,6 +78,8 @@ def check_study(
     if traced := STUDIES[name].traces:
         scenes = scenes or [_builtin(traced)]
         cases = [Case(light, motion, columns, own=others, scene=found) for found in scenes for light in envs]
+    if subject := STUDIES[name].subject:
+        cases = [Case(envs[0], motion, columns, subject=subject)]
     cases = cases or [Case(light, motion, columns, own=others) for light in envs]
     chapters = [(slug(case.name, k), case) for k, case in enumerate(cases)]
     check_folder(folder, _names(STUDIES[name], chapters))
@@ -89,6 +91,8 @@ def _check_seen(name: str, transports: Sequence[Transport], scenes: Sequence[Sce
     chosen = STUDIES[name]
     if chosen.needs_scene and not transports:
         raise ValueError(f"the study {name!r} looks at pictures: expected a scene")
+    if chosen.subject and (transports or scenes):
+        raise ValueError(f"the study {name!r} looks at {chosen.subject}: expected no scene")
     if chosen.traces and transports:
         raise ValueError(f"the study {name!r} traces scenes itself: expected a scene, got {transports[0]}")
     if scenes and not chosen.traces:
@@ -147,7 +151,7 @@ def study(
     folder
         Made if it is not there. Files in it that are not ours are never overwritten.
     env
-        The light, or several; each gets a chapter.
+        The light, or several; each gets a chapter. Studies of reflectance alone look at none.
     transport
         The scenes to look at, in Haar columns; with none, the light alone is studied where the study can do so.
     motion
