@@ -61,6 +61,9 @@ __all__ = [
     "CurvePass",
     "FAMILIES",
     "Family",
+    "GatherSamples",
+    "gather_lobe_hits",
+    "points_seen_from",
     "MERL",
     "Measured",
     "Quotient",
@@ -732,3 +735,51 @@ class Family:
     def basis(self, gamma: float, delta: NDArray[np.float64]) -> NDArray[np.float64]: ...
     def evaluate(self, gamma: float, delta: NDArray[np.float64]) -> NDArray[np.float64]: ...
     def exact(self, gamma: float, delta: NDArray[np.float64]) -> NDArray[np.float64]: ...
+
+_Through = Brdf | tuple[Family, float] | None
+
+@final
+class GatherSamples:
+    @staticmethod
+    def place(scene: Scene, camera: Camera, glossy: NDArray[np.bool_], count: int) -> GatherSamples: ...
+    def __len__(self) -> int: ...
+    @property
+    def position(self) -> NDArray[np.float32]: ...
+    @property
+    def normal(self) -> NDArray[np.float32]: ...
+    @property
+    def glossy(self) -> NDArray[np.bool_]: ...
+    @property
+    def area(self) -> NDArray[np.float64]: ...
+    @property
+    def cell_starts(self) -> NDArray[np.uint32]: ...
+    def cell_points(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.uint32]]: ...
+    def rows(
+        self,
+        rows: Receivers,
+        numbers: list[int],
+        eye: tuple[float, float, float],
+        through: _Through,
+        *,
+        sub_area: str = "angle",
+        points: int = 16,
+    ) -> NDArray[np.float32]: ...
+    def light(
+        self,
+        rows: Receivers,
+        numbers: list[int],
+        eye: tuple[float, float, float],
+        through: _Through,
+        light: NDArray[np.float64],
+        *,
+        sub_area: str = "angle",
+        points: int = 16,
+        progress: _Progress = None,
+    ) -> NDArray[np.float64]: ...
+
+def gather_lobe_hits(
+    scene: Scene, rows: Receivers, numbers: list[int], eye: tuple[float, float, float], lobe: Brdf, side: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.uint32], NDArray[np.float64]]: ...
+def points_seen_from(
+    scene: Scene, point: tuple[float, float, float], places: NDArray[np.float32], normals: NDArray[np.float32]
+) -> NDArray[np.bool_]: ...

@@ -12,7 +12,7 @@ use super::compute;
 
 /// A family; see `deltalux.Family`.
 #[pyclass(frozen, module = "deltalux._core")]
-pub(super) struct Family(Core);
+pub(super) struct Family(pub(super) Core);
 
 /// Peak, energy and root of the mean square.
 type Three = (f64, f64, f64);

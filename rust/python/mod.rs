@@ -8,6 +8,7 @@ mod clusters;
 mod curves;
 mod emission;
 mod family;
+mod gather;
 mod harmonics;
 mod interrupt;
 mod light;
@@ -67,6 +68,7 @@ fn core_module(module: &Bound<'_, PyModule>) -> PyResult<()> {
     bounces::register(module)?;
     brdf::register(module)?;
     family::register(module)?;
+    gather::register(module)?;
     clusters::register(module)?;
     curves::register(module)?;
     emission::register(module)?;

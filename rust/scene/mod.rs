@@ -2,6 +2,7 @@
 
 pub mod camera;
 mod curve;
+pub mod gather_samples;
 pub mod mesh;
 pub mod near;
 pub mod nodes;
@@ -12,6 +13,7 @@ pub mod surface;
 pub mod vertices;
 
 pub use camera::Camera;
+pub use gather_samples::GatherSamples;
 pub use mesh::Mesh;
 pub use nodes::{CELL, Node, Nodes, Placed, Spacing, Wanted};
 pub use receivers::{PixelSampling, Receivers};

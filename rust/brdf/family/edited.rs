@@ -5,6 +5,7 @@
 
 use std::f64::consts::PI;
 
+use crate::brdf::direction::{Direction, Half, above, dot, mirrored};
 use crate::brdf::range::within;
 use crate::error::{Error, Result};
 
@@ -75,6 +76,33 @@ impl Edited {
     /// About 1 - cos delta at which the narrowest lobe of a range has fallen to 1 / e.
     pub(super) fn width(self, [low, high]: [f64; 2]) -> f64 {
         if self.is_power() { 1.0 / high } else { (0.5 * low * low).min(1.0) }
+    }
+
+    /// Where f_E is asked for two directions, as 1 - cos delta, and f_F there, without Fresnel's factor; None where the model
+    /// is 0. Lafortune's coefficients are Phong's.
+    pub fn fixed(self, wi: Direction, wo: Direction) -> Option<(f64, f64)> {
+        if self.model == Model::Lafortune {
+            let apart: Direction = std::array::from_fn(|k| mirrored(wo)[k] - wi[k]);
+            let fall = 0.5 * dot(apart, apart);
+            return (above(wi) && above(wo) && fall < 1.0).then_some((fall, 1.0));
+        }
+        let half = Half::between(wi, wo)?;
+        // 1 - cos, without the subtraction: tan² = (1 - cos) (1 + cos) / cos².
+        let tangent2 = half.slope[0] * half.slope[0] + half.slope[1] * half.slope[1];
+        let cosine2 = 1.0 / (1.0 + tangent2);
+        let fall = tangent2 * cosine2 / (1.0 + cosine2.sqrt());
+        let (both, most) = (half.cos_i * half.cos_o, half.cos_i.max(half.cos_o));
+        let fixed = match self.model {
+            Model::BlinnPhong | Model::Lafortune => 1.0,
+            Model::Ward => 1.0 / both.sqrt(),
+            Model::WardDuer => 1.0 / both,
+            Model::AshikhminShirley => 1.0 / (half.cos_d * most),
+            Model::CookTorrance => {
+                let seen = (2.0 * half.cos_h / (half.cos_d * most)).min(1.0 / both);
+                if self.printed { seen / (cosine2 * cosine2) } else { 0.25 * seen }
+            }
+        };
+        Some((fall.min(1.0), fixed))
     }
 
     /// f_E.

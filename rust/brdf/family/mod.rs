@@ -117,6 +117,12 @@ impl Family {
         self.edited
     }
 
+    /// Radians from the axis to where the narrowest lobe of a segment has fallen to 1 / e, seen along the normal.
+    pub fn width(&self, segment: usize) -> f64 {
+        let angle = (2.0 * self.edited.width(self.spans[segment].range)).sqrt();
+        if self.edited.model == Model::Lafortune { angle } else { 2.0 * angle }
+    }
+
     /// Functions of a segment.
     pub fn live(&self) -> usize {
         self.spans[0].functions.len()

@@ -4,11 +4,13 @@ mod cone;
 mod eight;
 mod facets;
 pub mod fan;
+mod segments;
 pub mod tracer;
 mod tree;
 pub mod walk;
 
 pub use cone::Apex;
 pub use fan::{FAN, Fan, Octant, fans};
+pub use segments::Segments;
 pub use tracer::{Hit, LIFT, Tracer};
 pub use walk::Walk;
