@@ -24,7 +24,7 @@ from deltalux.studies.coherence.plane import Candidate, best_within, candidates,
 from deltalux.studies.coherence.reset_raster import rasters
 from deltalux.studies.interreflection import furnace_pages, furnaces
 from deltalux.studies.pictures import cross
-from deltalux.studies.reflectance import family_findings
+from deltalux.studies.reflectance import family_findings, gather
 from deltalux.update.methods import Full, Incremental, Nonlinear, PerBand
 from hypothesis import given
 from hypothesis import strategies as st
@@ -47,12 +47,15 @@ def named(names):
 
 @pytest.fixture(autouse=True)
 def few_furnaces(monkeypatch):
-    """Rooms of one albedo show all that those of four do, and families of two numbers of functions all that ten do."""
+    """Rooms of one albedo show all that those of four do, and so do few functions of families and few samples."""
     monkeypatch.setattr(furnaces, "ALBEDOS", (0.9,))
     monkeypatch.setattr(furnaces, "_BALL_ALBEDOS", (0.9,))
     monkeypatch.setattr(furnace_pages, "ALBEDOS", (0.9,))
     monkeypatch.setattr(family_findings, "_COUNTS", (6, 7))
     monkeypatch.setattr(family_findings, "_ALONG", 9)
+    monkeypatch.setattr(gather, "_COUNTS", (256,))
+    monkeypatch.setattr(gather, "_SHOWN", 256)
+    monkeypatch.setattr(gather, "_SIDE", 8)
 
 
 def corner():

@@ -7,7 +7,7 @@ from .clustered import clusters
 from .coherence import coverage, energy, equal_quality, equal_time, evolution, lighting_error, phase_map, reset_raster
 from .harmonics import blocker, two_bases
 from .interreflection import bounces, slides
-from .reflectance import families
+from .reflectance import families, gather
 from .shape import Study
 
 __all__ = ["STUDIES"]
@@ -28,5 +28,6 @@ STUDIES: dict[str, Study] = {
     "bounces": bounces.STUDY,
     "slides": slides.STUDY,
     "families": families.STUDY,
+    "gather": gather.STUDY,
 }
 """By name, in the order of the papers."""
