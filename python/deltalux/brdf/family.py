@@ -88,6 +88,8 @@ class Family:
     def even(cls, model: str, range: tuple[float, float], live: int = 7, *, printed: bool = False) -> Family:
         """The basis of the paper: one for the whole range, of 100 parameters and 400 angles spread evenly.
 
+        (Nguyen 2010, eq. 10 to 15; it does not say how many of both.)
+
         Parameters
         ----------
         model, range
@@ -107,10 +109,6 @@ class Family:
         ------
         ValueError
             If the model is none, the range is none or outside the model's, or there are too few or too many functions.
-
-        Source
-        ------
-        Nguyen et al. 2010, eq. 10 to 15.
         """
         family = cls.__new__(cls)
         family._take(model, CoreFamily.even(model, _checked(model, range), count("live", live), printed))
