@@ -118,8 +118,14 @@ impl CurvePass {
             }
         }
         let parts = sides.iter().zip(light.iter().rev()).map(|(&side, light)| Parts::new(side, light)).collect();
-        let shape =
-            Shape { rows: points.len(), texels: None, bands: space.bands(), channels: Channels::Three, factors: 1 };
+        let shape = Shape {
+            rows: points.len(),
+            texels: None,
+            lobes: None,
+            bands: space.bands(),
+            channels: Channels::Three,
+            factors: 1,
+        };
         let visibility = Visibility::new(tracer, points, CURVE_FACE, edge_side)?;
         Ok(CurvePass { visibility, eyes, quotient, factors, parts, shape })
     }
@@ -215,7 +221,7 @@ impl Pass for CurvePass {
                 self.row(rows.start + first + lane, first + lane, &view, &mut room.bins);
                 self.transform(lane, &room.bins, &mut room.planes);
             }
-            take(0, &room.planes.each_ref().map(Vec::as_slice))?;
+            take(0, &room.planes.each_ref().map(Vec::as_slice), 0.0)?;
         }
         Ok(Made { rays: view.rays, seen: None })
     }

@@ -20,7 +20,7 @@ pub fn respond<P: Pass>(pass: &P, v: &[[f64; 3]], advance: &Advance) -> Result<V
         |room, (bundle, out)| {
             let start = bundle * BUNDLE_ROWS;
             let mut groups = out.chunks_mut(GROUP);
-            pass.bundle(start..start + BUNDLE_ROWS.min(shape.rows - start), room, &mut |factor, planes| {
+            pass.bundle(start..start + BUNDLE_ROWS.min(shape.rows - start), room, &mut |factor, planes, _| {
                 let Some(out) = (if factor == 0 { groups.next() } else { None }) else { return Ok(()) };
                 for colour in 0..3 {
                     let mut sums = [0f64; GROUP];
