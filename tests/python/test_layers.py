@@ -65,6 +65,7 @@ PYTHON_NEVER = {
 TRACES = {
     "studies/harmonics/blocker",
     *(f"studies/interreflection/{name}" for name in ("tracing", "furnaces", "furnace_pages", "bounces", "slides")),
+    *(f"studies/factored/{name}" for name in ("findings", "factors", "__init__")),
     *(f"studies/interreflection/bounce_{name}" for name in ("findings", "pictures", "claims")),
     *("studies/catalogue", "studies/run", "studies/__init__"),
 }

@@ -22,6 +22,7 @@ from deltalux.studies.coherence.equal_quality import nwa_light_errors, terms_for
 from deltalux.studies.coherence.ghosts import cubemap_ghosts, image_ghosts
 from deltalux.studies.coherence.plane import Candidate, best_within, candidates, measure
 from deltalux.studies.coherence.reset_raster import rasters
+from deltalux.studies.factored import findings as factor_findings
 from deltalux.studies.interreflection import furnace_pages, furnaces
 from deltalux.studies.pictures import cross
 from deltalux.studies.reflectance import family_findings, gather
@@ -53,6 +54,9 @@ def few_furnaces(monkeypatch):
     monkeypatch.setattr(furnace_pages, "ALBEDOS", (0.9,))
     monkeypatch.setattr(family_findings, "_COUNTS", (6, 7))
     monkeypatch.setattr(family_findings, "_ALONG", 9)
+    monkeypatch.setattr(factor_findings, "_FRAMES", 2)
+    monkeypatch.setattr(factor_findings, "_EYES", 8)
+    monkeypatch.setattr(factor_findings, "_SIDE", 6)
     monkeypatch.setattr(gather, "_COUNTS", (256,))
     monkeypatch.setattr(gather, "_SHOWN", 256)
     monkeypatch.setattr(gather, "_SIDE", 8)

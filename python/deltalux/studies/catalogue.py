@@ -5,6 +5,7 @@ from __future__ import annotations
 from . import peaks
 from .clustered import clusters
 from .coherence import coverage, energy, equal_quality, equal_time, evolution, lighting_error, phase_map, reset_raster
+from .factored import factors
 from .harmonics import blocker, two_bases
 from .interreflection import bounces, slides
 from .reflectance import families, gather
@@ -22,6 +23,7 @@ STUDIES: dict[str, Study] = {
     "phase-map": phase_map.STUDY,
     "equal-time": equal_time.STUDY,
     "peaks": peaks.STUDY,
+    "factors": factors.STUDY,
     "clusters": clusters.STUDY,
     "harmonics": two_bases.STUDY,
     "blocker": blocker.STUDY,

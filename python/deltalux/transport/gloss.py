@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ..camera import Camera
 from .receivers import Vertices
 
-__all__ = ["Gloss"]
+__all__ = ["Gloss", "looked_up"]
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class Gloss:
         mix = np.zeros(len(self.base), np.float32)
         for number, tables in self.eyes.items():
             own = np.flatnonzero((self.material == number) & (local[:, 2] > 0))
-            mix[own] = _looked_up(tables, self.factor[own], local[own])
+            mix[own] = looked_up(tables, self.factor[own], local[own])
         return mix
 
     def seen(self, B: NDArray[np.float32], mix: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -109,10 +109,11 @@ def _local(way: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.
     return np.stack([(way * axis).sum(axis=1) for axis in (tangent, bitangent, normal)], -1)
 
 
-def _looked_up(
+def looked_up(
     tables: NDArray[np.float32], which: NDArray[np.intp], directions: NDArray[np.float64]
 ) -> NDArray[np.float32]:
-    """Tables at directions, linear between the middles of their cells."""
+    """Tables of factors, (factors, rings, columns), at directions of the surface's frame, linear between the middles of
+    their cells; `which`: the factor of each direction."""
     _, rings, columns = tables.shape
     ring = np.clip(np.arccos(np.clip(directions[:, 2], 0, 1)) / (np.pi / 2) * rings - 0.5, 0, rings - 1)
     turn = np.arctan2(directions[:, 1], directions[:, 0]) % (2 * np.pi) / (2 * np.pi) * columns - 0.5

@@ -1,0 +1,1 @@
+"""What factors keep of lobes that are seen from anywhere."""
