@@ -50,8 +50,8 @@ def run(case: Case, sheet: Sheet, progress: Progress) -> None:
 
 def _curves(sheet: Sheet, found: Sequence[Found]) -> None:
     caption = (
-        "Errors of highlights against factors. Solid: measured under this light, over eyes all around, in the mean "
-        "over ways that a surface faces; dashed: what the plan says that they leave under natural light."
+        "Errors of highlights against factors. Solid: measured under this light, over eyes and ways that a surface "
+        "faces; dashed: what the plan says that they leave under natural light."
     )
     with sheet.plot("errors.png", caption, 1, 1, (7.5, 4.5)) as (_, axes):
         for one, colour in zip(found, _COLOURS, strict=True):
@@ -79,7 +79,7 @@ def _balls(sheet: Sheet, balls: Sequence[Ball]) -> None:
     columns = 1 + len(_FEW)
     with sheet.plot("balls.png", caption, len(balls), columns, (2.3 * columns, 2.5 * len(balls))) as (_, grid):
         for row, one in zip(grid, balls, strict=True):
-            scale = float(np.quantile(one.exact.mean(axis=2)[one.exact.any(axis=2)], 0.98))
+            scale = max(float(np.quantile(one.exact.mean(axis=2), 0.97)), float(one.exact.max()) / 64, 1e-30)
             pictures = {"the lobe": one.exact, **{f"{count} factors": own for count, own in one.few.items()}}
             for axes, (title, picture) in zip(row, pictures.items(), strict=True):
                 axes.imshow(np.clip(picture / scale, 0, 1) ** (1 / 2.2))

@@ -42,7 +42,7 @@ class Found:
     name
         As in `LOBES`.
     off
-        For each of `COUNTS` the error of its highlights: relative L2 over eyes, in the mean over frames of the surface.
+        For each of `COUNTS` the error of its highlights: relative L2 over eyes and frames of the surface.
     said
         For each of them what precomputation says that they leave.
     auto
@@ -89,15 +89,22 @@ def find(name: str, env: Environment, face: int) -> Found:
     """One lobe under one light: frames and eyes are the same in every run."""
     model, rng = LOBES[name], np.random.default_rng(7)
     factors, light = factored(model, MOST), _Light.of(env, face)
-    off = []
+    # Over all frames together: some may see next to no light.
+    off, light_seen = np.zeros(len(COUNTS)), 0.0
     for _ in range(_FRAMES):
         wi, flux = light.seen(_frame(rng.normal(size=3)))
         eyes = _hemisphere(rng.random((2, _EYES)))
         exact = _highlights(model, wi, flux, eyes)
         parts = _parts(factors, wi, flux, eyes)
         sums = np.cumsum(parts, axis=0)[np.array(COUNTS) - 1]
-        off.append(np.linalg.norm(sums - exact, axis=(1, 2)) / np.linalg.norm(exact))
-    return Found(name, np.mean(off, axis=0), factors.left[list(COUNTS)], factored(model, "auto").count)
+        off += np.square(sums - exact).sum(axis=(1, 2))
+        light_seen += float(np.square(exact).sum())
+    return Found(
+        name,
+        np.sqrt(off / light_seen) if light_seen else off,
+        factors.left[list(COUNTS)],
+        factored(model, "auto").count,
+    )
 
 
 def ball(name: str, env: Environment, face: int, counts: tuple[int, ...]) -> Ball:
@@ -142,9 +149,9 @@ def _parts(
 def _frame(normal: NDArray[np.float64]) -> NDArray[np.float64]:
     """Tangent, bitangent and normal, as rows."""
     z = normal / np.linalg.norm(normal)
-    x = np.cross(z, np.eye(3)[np.abs(z).argmin()])
+    x = np.asarray(np.cross(z, np.eye(3)[np.abs(z).argmin()]), np.float64)
     x /= np.linalg.norm(x)
-    return np.stack([x, np.cross(z, x), z])
+    return np.stack([x, np.asarray(np.cross(z, x), np.float64), z])
 
 
 def _hemisphere(u: NDArray[np.float64]) -> NDArray[np.float64]:
