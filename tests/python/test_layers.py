@@ -89,7 +89,7 @@ PACKAGES = {
     "trimesh": {"scene/files"},
     "matplotlib": {"pages/plotting", "report/gallery"},
     "PIL": {"scene/gltf", "scene/files", "report/gallery"},
-    "scipy": {"transport/transport"},
+    "scipy": {"transport/matrix"},
     "mitsuba": set(),
     "embreex": set(),
     "pickle": set(),

@@ -1,4 +1,4 @@
-"""Transport: M on disk, opened by memory map, as an array-like that multiplies."""
+"""Transport: M of a scene on disk, opened by memory map, with all that makes pictures of its products."""
 
 from __future__ import annotations
 
@@ -16,33 +16,28 @@ from .._core import Behind, FileError
 from .._core import Transport as CoreTransport
 from ..camera import Camera
 from ..columns.haar import Haar
-from ..columns.inner import AnyColumns, parse_any
 from ..progress import Progress
 from ..surface.surface import Surface
 from .clusters import build, colours_of
 from .entry import GROUP
 from .makers import made
+from .matrix import Matrix
 from .mesh import save_mesh
 from .plan import Plan, Solve
 from .receivers import Pixels, Receivers, Vertices, of_table
 from .views import Views
 
 if TYPE_CHECKING:
-    import scipy.sparse
-    import scipy.sparse.linalg
-
     from ..light.environment import Environment
 
 __all__ = ["Transport"]
 
 # What the core calls the file that names all others.
 _MANIFEST = "manifest.json"
-# In bytes that are read in the same time: choosing a column, and finding it in a tile.
-_CHOOSING, _FINDING = 64.0, 300.0
 _STOPS = 64
 
 
-class Transport:
+class Transport(Matrix):
     """The light transport matrix M of a still scene: B = M V.
 
     Made by `precompute` and opened by `Transport.open`. Nothing in it changes: any number of relighters share one.
@@ -52,9 +47,6 @@ class Transport:
     core
         The transport of the core; `Transport.open` and `precompute` bring it.
     """
-
-    def __init__(self, core: CoreTransport) -> None:
-        self._core = core
 
     @staticmethod
     def open(path: str | os.PathLike[str]) -> Transport:
@@ -77,17 +69,6 @@ class Transport:
             If a file cannot be read.
         """
         return Transport(CoreTransport.open(path))
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """(rows, columns)."""
-        return self._core.shape
-
-    @property
-    def channels(self) -> int:
-        """1 where one number serves all colours, as the albedo stays outside M; 3 where each colour has its own, be it
-        in receivers or in nodes."""
-        return self._core.channels
 
     @property
     def factors(self) -> int:
@@ -122,40 +103,9 @@ class Transport:
         return major, minor
 
     @property
-    def nbytes(self) -> int:
-        """Bytes of M: its tiles, with the norms of their rows."""
-        return self._core.nbytes
-
-    @property
-    def width(self) -> str:
-        """What its values are stored in: integers of 8 bits, "i8", or of 16, "i16"."""
-        return self._core.width
-
-    @property
-    def entries(self) -> int:
-        """Groups of 16 rows that are stored, in all columns together."""
-        return self._core.entries
-
-    @property
-    def texel_bytes(self) -> int:
-        """Bytes of M that are bits of texel columns; 0 where there are none."""
-        return self._core.texel_bytes
-
-    @property
     def files(self) -> list[tuple[str, int]]:
         """Names of the files in the directory, and their bytes."""
         return self._core.files
-
-    @cached_property
-    def columns(self) -> AnyColumns:
-        """The basis that V is measured in."""
-        return parse_any(self._core.columns)
-
-    @cached_property
-    def second_columns(self) -> AnyColumns | None:
-        """What the second stage's V is measured in; None where there is one stage."""
-        text = self._core.second_columns
-        return None if text is None else parse_any(text)
 
     @cached_property
     def plan(self) -> Plan:
@@ -231,81 +181,6 @@ class Transport:
         if peaks is not None:
             raise ValueError(f"expected columns with texels to send peaks through, got {columns}")
         return columns.coefficients(env)
-
-    def multiply(self, V: ArrayLike, *, mix: ArrayLike | None = None) -> NDArray[np.float32]:
-        """B = M V, the exact product in one go.
-
-        Parameters
-        ----------
-        V
-            (columns, 3), or (k, columns, 3) for k lights in one pass over M.
-        mix
-            (rows, factors): by which weights the factors' responses are added for each receiver; needed where there
-            are several, and only there.
-
-        Returns
-        -------
-        (rows, 3) or (k, rows, 3) float32
-            The exact product of M and V on its dyadic grid, rounded once. The albedo is not in it (see `image`).
-
-        Raises
-        ------
-        ValueError
-            If the shape is wrong or a coefficient is not finite.
-        """
-        array = np.ascontiguousarray(V, np.float64)
-        single = array.ndim == 2
-        batch = array[None] if single else array
-        if batch.ndim != 3 or batch.shape[1:] != (self.shape[1], 3):
-            raise ValueError(f"expected V of shape ({self.shape[1]}, 3) or (k, {self.shape[1]}, 3), got {np.shape(V)}")
-        product = self._core.multiply(batch, None if mix is None else self.mixed(mix))
-        return product[0] if single else product
-
-    def mixed(self, mix: ArrayLike) -> NDArray[np.float32]:
-        """Weights of a mix as the core takes them.
-
-        Parameters
-        ----------
-        mix
-            (rows, factors), real and finite.
-
-        Returns
-        -------
-        (rows, factors) float32
-
-        Raises
-        ------
-        ValueError
-            If the shape is another.
-        """
-        weights = np.ascontiguousarray(mix, np.float32)
-        if weights.shape != (self.shape[0], self._core.factors):
-            raise ValueError(f"expected a mix of shape ({self.shape[0]}, {self._core.factors}), got {weights.shape}")
-        return weights
-
-    def row(self, i: int) -> NDArray[np.float32]:
-        """One transport vector, dense and exact.
-
-        Parameters
-        ----------
-        i
-            Its number.
-
-        Returns
-        -------
-        (columns,) float32, or (columns, 3) where each colour has its own
-
-        Raises
-        ------
-        IndexError
-            If there is no such row.
-        ValueError
-            If the transport has several parts.
-        """
-        if not 0 <= i < self.shape[0]:
-            raise IndexError(f"expected a row of 0 or more and below {self.shape[0]}, got {i}")
-        row = self._core.row(i)
-        return row[:, 0] if row.shape[1] == 1 else row
 
     def image(self, B: ArrayLike, env: Environment | None = None) -> NDArray[np.float32]:
         """The picture of a response: albedos in, receivers resolved into the pixels of the transport's camera.
@@ -514,29 +389,6 @@ class Transport:
         """
         return made("for_camera")(self, camera, path, progress)
 
-    @cached_property
-    def column_norms(self) -> NDArray[np.float64]:
-        """The norm of every column of M: (columns,)."""
-        return self._core.column_norms()
-
-    @cached_property
-    def column_bytes(self) -> NDArray[np.float64]:
-        """The bytes of M that a frame streams for each column: (columns,).
-
-        A texel's column, which holds few bytes and is made anew, counts as an entry for each group of rows that sees
-        it: it takes about as long.
-        """
-        return self._core.column_bytes()
-
-    @cached_property
-    def column_costs(self) -> NDArray[np.float64]:
-        """The time that sending each column takes, (columns,), in bytes of M that are read in the same time.
-
-        To a column's bytes come those of choosing it, and of finding it in every tile (measured).
-        """
-        tiles = -(-self.shape[0] // self._core.tile_rows)
-        return self.column_bytes + _CHOOSING + np.where(self.column_bytes > 0, _FINDING * tiles, 0.0)
-
     @property
     def albedo(self) -> NDArray[np.float32]:
         """What the response of every row is multiplied by, (rows, 3): diffuse reflectance, or the colour of a lobe."""
@@ -553,102 +405,6 @@ class Transport:
             return None
         groups, rows = found
         return (groups.astype(np.int64)[:, None] * GROUP + np.arange(GROUP)).ravel(), Transport(rows)
-
-    def to_scipy(self, channel: int = 0) -> scipy.sparse.csr_matrix:
-        """A copy of M as a scipy CSR matrix of float32.
-
-        Parameters
-        ----------
-        channel
-            Which colour, where each has its own: 0, 1 or 2.
-
-        Returns
-        -------
-        scipy.sparse.csr_matrix
-            (rows, columns), without the zeros that groups of rows hold.
-
-        Raises
-        ------
-        IndexError
-            If there is no such channel.
-        ValueError
-            If the transport has several parts.
-        """
-        import scipy.sparse
-
-        if not 0 <= channel < self.channels:
-            raise IndexError(f"expected a channel from 0 to {self.channels - 1}, got {channel}")
-        indptr, indices, data = self._core.to_csr(channel)
-        return scipy.sparse.csr_matrix((data, indices, indptr), shape=self.shape)
-
-    # What scipy asks of a linear operator: `scipy.sparse.linalg.aslinearoperator(transport)` takes these.
-    dtype = np.dtype(np.float64)
-
-    def matmat(self, x: ArrayLike) -> NDArray[np.float64]:
-        """M x, as scipy asks it.
-
-        Parameters
-        ----------
-        x
-            (columns,) or (columns, k), real.
-
-        Returns
-        -------
-        (rows,) or (rows, k) float64
-            To single precision, as `multiply`.
-
-        Raises
-        ------
-        ValueError
-            If each colour has an M of its own.
-        """
-        self._check_one_channel()
-        columns = np.asarray(x, np.float64).reshape(self.shape[1], -1).T
-        # The kernel multiplies three colours at a time.
-        padded = np.zeros((-(-len(columns) // 3) * 3, self.shape[1]))
-        padded[: len(columns)] = columns
-        product = self._core.multiply(np.ascontiguousarray(padded.reshape(-1, 3, self.shape[1]).swapaxes(1, 2)))
-        flat = product.swapaxes(1, 2).reshape(-1, self.shape[0])[: len(columns)].T
-        return np.array(flat, np.float64).reshape((self.shape[0], *np.shape(x)[1:]))
-
-    def _check_one_channel(self) -> None:
-        if self.channels != 1:
-            raise ValueError("expected a transport of one channel; take `to_scipy(channel)`, or `multiply` for colours")
-
-    def rmatmat(self, y: ArrayLike) -> NDArray[np.float64]:
-        """The transpose of M times y, as scipy asks it.
-
-        Parameters
-        ----------
-        y
-            (rows,) or (rows, k), real.
-
-        Returns
-        -------
-        (columns,) or (columns, k) float64
-
-        Raises
-        ------
-        ValueError
-            If each colour has an M of its own.
-        """
-        self._check_one_channel()
-        stacked = np.ascontiguousarray(np.asarray(y, np.float64).reshape(self.shape[0], -1))
-        return self._core.transpose_multiply(stacked).reshape((self.shape[1], *np.shape(y)[1:]))
-
-    matvec, rmatvec = matmat, rmatmat
-
-    def linear_operator(self) -> scipy.sparse.linalg.LinearOperator:
-        """M and its transpose as an operator.
-
-        Returns
-        -------
-        scipy.sparse.linalg.LinearOperator
-            (rows, columns), float64.
-        """
-        import scipy.sparse.linalg
-
-        return scipy.sparse.linalg.aslinearoperator(self)
 
     def truncated(self, path: str | os.PathLike[str], tolerance: float) -> Transport:
         """Writes a smaller transport with a larger stated error, and opens it.
