@@ -176,7 +176,7 @@ impl Pass for DirectPass {
             means.extend(glossy.into_iter().filter_map(|own| Some((group * GROUP + own.lane, own.means?))));
         }
         let normals = || self.visibility.points.normal[rows].to_vec();
-        let seen = self.shape.texels.map(|_| Seen { normals: normals(), open: view.open, means });
+        let seen = self.shape.texels.map(|_| Seen { normals: normals(), open: view.open.clone(), means });
         Ok(Made { rays: view.rays, seen })
     }
 }

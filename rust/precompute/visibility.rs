@@ -97,6 +97,8 @@ pub(super) struct Looking {
     pending: Pending,
     /// Of a block: the samples of each of its edge texels, one after the other.
     samples: Vec<Sample>,
+    /// Where the last bundle looked from, and what it saw: another factor of the same receivers sees the same.
+    last: Option<(Vec<Apex>, Arc<View>)>,
 }
 
 /// Looks at the sky from the receivers of a scene.
@@ -119,20 +121,29 @@ impl Visibility {
         Ok(Visibility { tracer, points, texels: Texels::new(size), edge_side })
     }
 
-    /// Shoots the rays of one bundle.
-    pub(super) fn view(&self, rows: Range<usize>, room: &mut Looking) -> View {
-        let normals = Normals::new(&self.points.normal[rows.clone()]);
+    /// Shoots the rays of one bundle, unless the one before it in this room had the same receivers.
+    pub(super) fn view(&self, rows: Range<usize>, room: &mut Looking) -> Arc<View> {
         let apex = |row: usize| Apex { origin: self.points.origin[row], normal: self.points.normal[row] };
-        let apexes: Vec<Apex> = rows.map(apex).collect();
+        let apexes: Vec<Apex> = rows.clone().map(apex).collect();
+        if let Some((_, view)) = room.last.as_ref().filter(|(last, _)| *last == apexes) {
+            return Arc::clone(view);
+        }
+        let view = Arc::new(self.looked(rows, &apexes, room));
+        room.last = Some((apexes, Arc::clone(&view)));
+        view
+    }
+
+    fn looked(&self, rows: Range<usize>, apexes: &[Apex], room: &mut Looking) -> View {
+        let normals = Normals::new(&self.points.normal[rows]);
         let count = self.texels.len();
         let mut view = View { open: vec![0; count], edges: Vec::new(), rays: Rays::default() };
         let above: Vec<u64> = self.texels.centre.iter().map(|&direction| normals.above(direction)).collect();
         for block in &self.texels.blocks {
-            self.centres(block, &apexes, &above, room, &mut view);
+            self.centres(block, apexes, &above, room, &mut view);
         }
         if self.edge_side > 0 {
             for block in &self.texels.blocks {
-                self.edges(block, &apexes, &above, room, &mut view);
+                self.edges(block, apexes, &above, room, &mut view);
             }
         }
         view.edges.sort_unstable_by_key(|edge| edge.texel);
@@ -168,7 +179,7 @@ impl Visibility {
     /// Measures the texels of a block that an edge runs through: for each receiver, the samples of all its edge texels,
     /// as many fans as that takes.
     fn edges(&self, block: &Block, apexes: &[Apex], above: &[u64], room: &mut Looking, view: &mut View) {
-        let Looking { walk, pending, samples: inside } = room;
+        let Looking { walk, pending, samples: inside, .. } = room;
         let samples = self.edge_side * self.edge_side;
         let first = view.edges.len();
         let mut bits = [0; 64];

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use crate::brdf::measured::Colour;
 use crate::brdf::{Factor, Stored};
 use crate::error::{Error, Result};
+use crate::precompute::pass::BUNDLE_ROWS;
 use crate::precompute::{LobeShape, Lobes};
 use crate::scene::{self as core, Mesh, Points, Vertices};
 use crate::transport::lobes::DIFFUSE;
@@ -234,8 +235,8 @@ impl Receivers {
         PyArray1::from_slice(py, &self.base).unbind()
     }
 
-    /// The rows of vertices with the factors of their materials behind them: factor after factor, the vertices of a material
-    /// in their order. material: (rows,) uint32; factors: for each material tables of float32, (factors, rings, columns).
+    /// The rows of vertices with the factors of their materials behind them: material after material, in bundles of its
+    /// vertices factor after factor. material: (rows,) uint32; factors: for each material tables of float32, (factors, rings, columns).
     fn factored(
         &self,
         material: PyReadonlyArray1<'_, u32>,
@@ -251,12 +252,17 @@ impl Receivers {
         let mut all: Vec<(usize, i32, u16)> = (0..rows.len()).map(|row| (row, -1, DIFFUSE)).collect();
         for (number, tables) in factors.iter().enumerate() {
             let [count, rings, columns] = tables.as_array().shape().try_into().unwrap_or([0; 3]);
-            for (place, table) in tables.as_array().outer_iter().enumerate().take(count) {
+            let first = models.len();
+            for table in tables.as_array().outer_iter().take(count) {
                 let table = Factor::new(rings, columns, table.iter().copied().collect())?;
                 models.push(LobeShape::Factor(Arc::new(table)));
-                let model = numbered(models.len())?;
-                let own = (0..rows.len()).filter(|&row| material[row] as usize == number);
-                all.extend(own.map(|row| (row, place as i32, model)));
+                numbered(models.len())?;
+            }
+            let own: Vec<usize> = (0..rows.len()).filter(|&row| material[row] as usize == number).collect();
+            // All factors of a bundle's vertices one after the other: what they see is traced once.
+            for bundle in own.chunks(BUNDLE_ROWS) {
+                let of = |place: usize| bundle.iter().map(move |&row| (row, place as i32, (first + place) as u16));
+                all.extend((0..count).flat_map(of));
             }
         }
         let points = Arc::new(self.points.some(all.iter().map(|&(row, ..)| row)));

@@ -321,7 +321,7 @@ def test_another_light_is_made_on_request(tmp_path, light):
 def test_requests_are_refused_before_any_work(tmp_path, light):
     scene, path = plane_scene(8), tmp_path / "a"
     for materials, more, what in [
-        ({"ring": PEARL}, {}, "pearl, hidden"),
+        ({"ring": PEARL}, {}, "'pearl', 'hidden'"),
         ({"hidden": PEARL}, {}, "no pixel shows hidden"),
         ({}, {}, "at least one"),
         ({"pearl": dl.brdf.Lambert()}, {}, "lobe"),

@@ -9,7 +9,7 @@ use super::fan::{Fan, PACKETS, inverse};
 use super::tree::Node;
 
 /// Where the rays of a fan start.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Apex {
     /// In the normalised scene.
     pub origin: [f32; 3],
