@@ -34,3 +34,11 @@ pub fn cosine_directions(normal: [f64; 3], side: usize, seed: u64) -> impl Itera
         std::array::from_fn(|k| s * tangent[k] + t * bitangent[k] + up * normal[k])
     })
 }
+
+/// Which of some shares a number between 0 and their sum falls into, and how far inside it lies, from 0 to 1: as good as
+/// another even number. `sums`: of the shares, up to and with each.
+pub fn chosen(sums: &[f64], at: f64) -> (usize, f64) {
+    let number = sums.partition_point(|&sum| sum <= at).min(sums.len() - 1);
+    let before = if number == 0 { 0.0 } else { sums[number - 1] };
+    (number, ((at - before) / (sums[number] - before)).clamp(0.0, 1.0))
+}

@@ -14,7 +14,7 @@ use std::f64::consts::PI;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::sampling::{cosine_directions, jitter, mixed};
+use crate::sampling::{chosen, cosine_directions, jitter, mixed};
 use crate::scene::surface::dot;
 use crate::scene::{CELL, Placed, Points, Surfaces};
 
@@ -168,10 +168,7 @@ impl Emitters {
     /// The `k`-th of so many points: the number of its emitter, and two numbers that lie evenly in its triangle.
     fn sample(&self, k: usize, count: usize, seed: u64) -> (usize, f64, f64) {
         let [x, y] = jitter(seed);
-        let at = (k as f64 + x) / count as f64;
-        let emitter = self.sums.partition_point(|&sum| sum <= at).min(self.sums.len() - 1);
-        // What is left of the number inside its emitter is as good as another one.
-        let before = if emitter == 0 { 0.0 } else { self.sums[emitter - 1] };
-        (emitter, ((at - before) / (self.sums[emitter] - before)).clamp(0.0, 1.0).sqrt(), y)
+        let (emitter, inside) = chosen(&self.sums, (k as f64 + x) / count as f64);
+        (emitter, inside.sqrt(), y)
     }
 }

@@ -22,7 +22,7 @@ use super::rays::tracer::LIFT;
 use super::surface::{Point, Points, Surfaces, dot};
 use super::vertices::Vertices;
 use crate::error::{Error, Result};
-use crate::sampling::{cosine_directions, frame, jitter, mixed};
+use crate::sampling::{chosen, cosine_directions, frame, jitter, mixed};
 
 /// Points of a cell.
 pub const CELL: usize = 4;
@@ -178,10 +178,8 @@ impl<'a> Looking<'a> {
                 Some(sample) => {
                     let [x, y] = jitter(number as u64);
                     let at = (sample as f64 + x) / SAMPLES as f64 * self.areas.last()?;
-                    let triangle = self.areas.partition_point(|&sum| sum <= at).min(self.areas.len() - 1);
-                    // What is left of the number inside its triangle is as good as another one.
-                    let before = if triangle == 0 { 0.0 } else { self.areas[triangle - 1] };
-                    let inside = ((at - before) / (self.areas[triangle] - before)).clamp(0.0, 1.0).sqrt();
+                    let (triangle, inside) = chosen(&self.areas, at);
+                    let inside = inside.sqrt();
                     let back = match vertices.open[triangle] {
                         [true, true] => mixed(number as u64) & 1 == 1,
                         [front, _] => !front,

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._core import CURVE, column_bands, daubechies4_forward, daubechies4_inverse
-from ..checks import count, read_only
+from ..checks import count
+from .bands import bands_and_areas
 
 if TYPE_CHECKING:
     from ..light.environment import Environment
@@ -52,12 +52,12 @@ class Daubechies4:
     @property
     def bands(self) -> NDArray[np.intp]:
         """The band of every column, 0 the coarsest: (columns,), ascending, read-only."""
-        return _bands_and_areas(str(self))[0]
+        return bands_and_areas(str(self))[0]
 
     @property
     def areas(self) -> NDArray[np.float64]:
         """Samples of the curve under every column: (columns,) float64, read-only."""
-        return _bands_and_areas(str(self))[1]
+        return bands_and_areas(str(self))[1]
 
     @property
     def band_names(self) -> tuple[str, ...]:
@@ -155,9 +155,3 @@ class Daubechies4:
             Always.
         """
         raise ValueError(f"expected columns that light is measured in, but {self} are those of curves: dl.BrdfEditor")
-
-
-@cache
-def _bands_and_areas(name: str) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    starts, areas = column_bands(name)
-    return read_only(np.repeat(np.arange(len(starts) - 1), np.diff(starts))), read_only(areas)

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import operator
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .._core import column_bands, haar_without_texels
-from ..checks import count, read_only
+from ..checks import count
+from .bands import bands_and_areas
 
 if TYPE_CHECKING:
     from ..light.environment import Environment
@@ -76,7 +77,7 @@ class Haar:
     @property
     def bands(self) -> NDArray[np.intp]:
         """The band of every column, 0 the coarsest: (columns,), ascending, read-only."""
-        return _bands_and_areas(str(self))[0]
+        return bands_and_areas(str(self))[0]
 
     @property
     def areas(self) -> NDArray[np.float64]:
@@ -84,7 +85,7 @@ class Haar:
 
         Of a texel column it is the size: a face's mean, over size^2 texels, sends receivers size times as much.
         """
-        return _bands_and_areas(str(self))[1]
+        return bands_and_areas(str(self))[1]
 
     @cached_property
     def band_names(self) -> tuple[str, ...]:
@@ -145,9 +146,3 @@ class Haar:
             If the shape is not that of these columns.
         """
         return haar_without_texels(self.size, V) if self.texels else V
-
-
-@cache
-def _bands_and_areas(name: str) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    starts, areas = column_bands(name)
-    return read_only(np.repeat(np.arange(len(starts) - 1), np.diff(starts))), read_only(areas)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .._core import column_bands
-from ..checks import read_only
+from .bands import bands_and_areas
 from .daubechies4 import Daubechies4
 from .parse import Columns, parse
 
@@ -55,12 +54,12 @@ class Inner:
     @property
     def bands(self) -> NDArray[np.intp]:
         """The band of every column, 0 the coarsest: (columns,), ascending, read-only."""
-        return _bands(self.name)[0]
+        return bands_and_areas(self.name)[0]
 
     @property
     def areas(self) -> NDArray[np.float64]:
         """Samples under the support of every column, or 1: (columns,) float64, read-only."""
-        return _bands(self.name)[1]
+        return bands_and_areas(self.name)[1]
 
     @property
     def band_names(self) -> tuple[str, ...]:
@@ -89,12 +88,6 @@ class Inner:
             Always.
         """
         raise ValueError(f"expected columns that light is measured in, but {self} are those of a response")
-
-
-@cache
-def _bands(name: str) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    starts, areas = column_bands(name)
-    return read_only(np.repeat(np.arange(len(starts) - 1), np.diff(starts))), read_only(areas)
 
 
 AnyColumns = Columns | Inner | Daubechies4

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True)
@@ -40,36 +40,21 @@ class Quality:
     emission_rays: int
 
 
+_PUBLICATION = Quality(
+    edges=True,
+    edge_side=3,
+    tolerance=0.01,
+    width="i8",
+    spacing=0.16,
+    node_rays=32,
+    audit=0.05,
+    emission_rays=16,
+)
 QUALITIES = {
-    "preview": Quality(
-        edges=False,
-        edge_side=0,
-        tolerance=0.03,
-        width="i8",
-        spacing=0.2,
-        node_rays=16,
-        audit=0.05,
-        emission_rays=8,
+    "preview": replace(
+        _PUBLICATION, edges=False, edge_side=0, tolerance=0.03, spacing=0.2, node_rays=16, emission_rays=8
     ),
-    "publication": Quality(
-        edges=True,
-        edge_side=3,
-        tolerance=0.01,
-        width="i8",
-        spacing=0.16,
-        node_rays=32,
-        audit=0.05,
-        emission_rays=16,
-    ),
-    "lossless": Quality(
-        edges=True,
-        edge_side=4,
-        tolerance=0.0,
-        width="i16",
-        spacing=0.16,
-        node_rays=32,
-        audit=0.05,
-        emission_rays=16,
-    ),
+    "publication": _PUBLICATION,
+    "lossless": replace(_PUBLICATION, edge_side=4, tolerance=0.0, width="i16"),
 }
 """Presets by outcome; `lossless` keeps every coefficient above 2^-24."""
