@@ -8,18 +8,21 @@ from ._core import FileError, __version__, set_threads, threads
 from .brdf.family import Family
 from .camera import Camera
 from .columns import Haar, SphericalHarmonics
-from .edit import BrdfEditor, EditedFrame, NeedsPrecompute, StaleTransport
+from .edit import BrdfEditor, EditedFrame, NeedsPrecompute, StaleTransport, Studio, StudioFrame
 from .light import sequences
 from .light.environment import Environment
+from .light.lamps import AreaLight, PointLight, Spot
 from .precomputation import views as _views  # noqa: F401, transports are told of what is made of them there
 from .precomputation.curves import precompute_curves
 from .precomputation.run import plan, precompute
+from .precomputation.studio import precompute_studio
 from .relight.compare import Comparison, compare
 from .relight.relighter import Frame, Relighter
 from .scene.scene import Scene
 from .surface.material import Material
 from .transport.curves import CurveTransport
 from .transport.plan import Plan
+from .transport.studio import StudioTransport
 from .transport.transport import Transport
 from .update.approximation import Approximation, Update
 from .update.choice import Choice, State
@@ -27,6 +30,7 @@ from .update.methods import Full, HarmonicOrder, Incremental, Linear, Method, No
 
 __all__ = [
     "Approximation",
+    "AreaLight",
     "BrdfEditor",
     "Camera",
     "Choice",
@@ -48,11 +52,16 @@ __all__ = [
     "Nonlinear",
     "PerBand",
     "Plan",
+    "PointLight",
     "Relighter",
     "Scene",
     "SphericalHarmonics",
+    "Spot",
     "StaleTransport",
     "State",
+    "Studio",
+    "StudioFrame",
+    "StudioTransport",
     "Transport",
     "Update",
     "__version__",
@@ -60,6 +69,7 @@ __all__ = [
     "plan",
     "precompute",
     "precompute_curves",
+    "precompute_studio",
     "sequences",
     "set_threads",
     "threads",

@@ -578,6 +578,9 @@ class Transport:
     def audit(self) -> tuple[NDArray[np.uint32], Transport] | None: ...
     def threshold_for(self, tolerance: float, *, width: str | None = None) -> tuple[float, float, float]: ...
     def truncated(self, threshold: float, *, width: str | None = None) -> Transport: ...
+    def frozen(
+        self, numbers: list[float], *, threshold: float, weights: NDArray[np.float64], width: str | None = None
+    ) -> Transport: ...
     def truncate_to(
         self, path: str | os.PathLike[str], threshold: float, *, plan: str, progress: _Progress = None
     ) -> None: ...
@@ -652,6 +655,7 @@ class Updater:
         *,
         mix: NDArray[np.float32] | None,
         initial: str | None,
+        steady: bool,
     ) -> Updater: ...
     def prepare(self, light: NDArray[np.float64]) -> NDArray[np.float64] | None: ...
     def step(self, light: NDArray[np.float64], seconds: float | None, given: _Given = None) -> _Stepped: ...
@@ -754,6 +758,9 @@ class GatherSamples:
     @property
     def cell_starts(self) -> NDArray[np.uint32]: ...
     def cell_points(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.uint32]]: ...
+    def cell_places(self) -> tuple[NDArray[np.uint32], NDArray[np.float32]]: ...
+    @property
+    def tree_areas(self) -> NDArray[np.float64]: ...
     def rows(
         self,
         rows: Receivers,
@@ -775,6 +782,79 @@ class GatherSamples:
         sub_area: str = "angle",
         points: int = 16,
         progress: _Progress = None,
+    ) -> NDArray[np.float64]: ...
+
+class SampleTree:
+    def __new__(cls, areas: NDArray[np.float64]) -> SampleTree: ...
+    @property
+    def columns(self) -> str: ...
+    def forward(self, light: NDArray[np.float64]) -> NDArray[np.float64]: ...
+
+class GatherPass:
+    def __new__(
+        cls, samples: GatherSamples, rows: tuple[Receivers, tuple[float, float, float]] | None, through: list[_Through]
+    ) -> GatherPass: ...
+    @property
+    def factors(self) -> int: ...
+    def threshold_for(
+        self,
+        bundles: int,
+        *,
+        tolerance: float,
+        weights: NDArray[np.float64],
+        scales: NDArray[np.float64],
+        quantum: int,
+        width: str,
+        measures: list[tuple[list[float], NDArray[np.float64]]],
+        progress: _Progress = None,
+    ) -> tuple[float, float, float]: ...
+    def tiles(
+        self,
+        first: int,
+        rows: int,
+        *,
+        threshold: float,
+        weights: NDArray[np.float64],
+        scales: NDArray[np.float64],
+        quantum: int,
+        width: str,
+        progress: _Progress = None,
+    ) -> list[TileData]: ...
+
+class Lamp:
+    def __new__(
+        cls,
+        at: NDArray[np.float64],
+        colour: NDArray[np.float64],
+        *,
+        far: bool = False,
+        beam: str = "even",
+        axis: tuple[float, float, float] = (0.0, 0.0, 1.0),
+        cosines: tuple[float, float] = (1.0, 1.0),
+    ) -> Lamp: ...
+
+class Sights:
+    @property
+    def nbytes(self) -> int: ...
+
+class LitPoints:
+    @staticmethod
+    def of_rows(scene: Scene, rows: Receivers) -> LitPoints: ...
+    @staticmethod
+    def of_cells(scene: Scene, samples: GatherSamples, each: int) -> LitPoints: ...
+    @staticmethod
+    def of_arrays(scene: Scene, origin: NDArray[np.float32], normal: NDArray[np.float32]) -> LitPoints: ...
+    def arrays(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]: ...
+    def __len__(self) -> int: ...
+    def sights(self, lamp: Lamp, *, progress: _Progress = None) -> Sights: ...
+    def irradiance(self, lamp: Lamp, sights: Sights) -> NDArray[np.float64]: ...
+    def reflected(
+        self,
+        lamp: Lamp,
+        sights: Sights,
+        rows: NDArray[np.uint32],
+        eyes: NDArray[np.float32],
+        lobe: Brdf | tuple[Family, float],
     ) -> NDArray[np.float64]: ...
 
 def gather_lobe_hits(

@@ -75,6 +75,32 @@ impl HaarTree {
         coefficients[0] = scaling[0];
         coefficients
     }
+
+    /// Of `N` rows at once, what they take of each sample: its coefficients, so that their product with those of values is the
+    /// sum over samples. `rows` has a place for each sample, `out` one for each column.
+    pub fn project<const N: usize>(&self, rows: &[[f32; N]], out: &mut [[f32; N]]) {
+        assert!(rows.len() == self.areas.len() && out.len() == self.space().columns());
+        for ((out, row), area) in out.iter_mut().zip(rows).zip(&self.areas) {
+            let weight = if *area > 0.0 { (1.0 / area.sqrt()) as f32 } else { 0.0 };
+            for lane in 0..N {
+                out[lane] = row[lane] * weight;
+            }
+        }
+        out[self.areas.len()..].fill([0.0; N]);
+        let mut wavelets = vec![[0.0; N]; out.len() / 2];
+        for (level, turns) in self.turns.iter().enumerate().rev() {
+            let count = 1 << level;
+            for (k, (turn, wavelet)) in turns.iter().zip(&mut wavelets).enumerate() {
+                let (p, q) = (turn[0] as f32, turn[1] as f32);
+                let (x0, x1) = (out[2 * k], out[2 * k + 1]);
+                for lane in 0..N {
+                    out[k][lane] = p * x0[lane] + q * x1[lane];
+                    wavelet[lane] = q * x0[lane] - p * x1[lane];
+                }
+            }
+            out[count..2 * count].copy_from_slice(&wavelets[..count]);
+        }
+    }
 }
 
 /// (p, q) of a pair; of two leaves without area the first passes through.

@@ -11,15 +11,21 @@
 
 use std::f64::consts::{FRAC_1_PI, PI, TAU};
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use crate::brdf::Brdf;
-use crate::brdf::family::Family;
+use crate::brdf::family::lookup::WIDE;
+use crate::brdf::family::{Family, Lookup};
 use crate::error::{Error, Result};
 use crate::sampling::{cosine_directions, frame, jitter, mixed};
-use crate::scene::rays::{Apex, FAN, LIFT, Segments, Tracer};
+use crate::scene::rays::{Apex, FAN, Fan, LIFT, Segments, Tracer, Walk, fans};
 use crate::scene::surface::dot;
 use crate::scene::{GatherSamples, Point, Surfaces};
+use crate::transport::{GROUP, Rows16};
+
+use super::standing::{Lanes, Met, Receiver, Standing};
 
 /// Rays along a side that say how closed the surroundings of a receiver are.
 const CLOSED: usize = 16;
@@ -29,14 +35,14 @@ const TO_E: f64 = 1.2;
 const GOLDEN: f64 = 0.381_966_011_250_105_1;
 
 /// What rows are taken through.
-#[derive(Clone, Copy)]
-pub enum Kernel<'a> {
+#[derive(Clone)]
+pub enum Kernel {
     /// Cosines: rows of D.
     Diffuse,
     /// A lobe as it is.
-    Lobe(&'a dyn Brdf),
+    Lobe(Arc<dyn Brdf>),
     /// The functions of a segment of a family.
-    Family(&'a Family, usize),
+    Family(Arc<Family>, usize),
 }
 
 /// The points that stand for what a sample stands for.
@@ -52,33 +58,22 @@ pub enum SubArea {
     ByAngle,
 }
 
-/// Where light is gathered.
-#[derive(Clone, Copy, Debug)]
-pub struct Receiver {
-    /// Off its surface.
-    pub origin: [f32; 3],
-    /// Unit normal.
-    pub normal: [f32; 3],
-    /// Unit vector to the eye.
-    pub eye: [f64; 3],
-}
-
 /// What is gathered, and how.
 #[derive(Clone, Copy)]
 pub struct Gather<'a> {
     /// The scene.
-    pub surfaces: Surfaces<'a>,
+    pub tracer: &'a Tracer,
     /// Its samples.
     pub samples: &'a GatherSamples,
-    /// Through what.
-    pub kernel: Kernel<'a>,
+    /// Through what: one after the other, each of its own points.
+    pub kernels: &'a [Kernel],
     /// By which points.
     pub sub_area: SubArea,
 }
 
-impl Kernel<'_> {
+impl Kernel {
     /// Rows of each receiver.
-    pub fn count(self) -> usize {
+    pub fn count(&self) -> usize {
         match self {
             Kernel::Diffuse | Kernel::Lobe(_) => 1,
             Kernel::Family(family, _) => family.live(),
@@ -86,23 +81,78 @@ impl Kernel<'_> {
     }
 
     /// Radians from the axis to where the narrowest lobe has fallen to 1 / e, seen along the normal.
-    fn width(self) -> f64 {
+    fn width(&self) -> f64 {
         match self {
             Kernel::Diffuse => 1.0,
             Kernel::Lobe(lobe) => TO_E * lobe.half_width([0.0, 0.0, 1.0]),
-            Kernel::Family(family, segment) => family.width(segment),
+            Kernel::Family(family, segment) => family.width(*segment),
         }
     }
+}
 
-    /// Adds f cos of a direction, times a share, to the sum of each row.
-    fn add(self, [wi, wo]: [[f64; 3]; 2], share: f64, sums: &mut [f64]) {
-        match self {
-            Kernel::Diffuse => sums[0] += share * wi[2] * FRAC_1_PI,
-            Kernel::Lobe(lobe) => sums[0] += share * wi[2] * lobe.evaluate(wi, wo),
-            Kernel::Family(family, segment) => {
-                if let Some((fall, fixed)) = family.edited().fixed(wi, wo) {
-                    let share = share * wi[2] * fixed;
-                    sums.iter_mut().zip(family.basis(segment, fall)).for_each(|(sum, b)| *sum += share * b);
+/// A kernel ready for many pairs, and what a sample gives its rows: of each receiver, in groups of `WIDE` rows.
+struct Through {
+    shape: Shape,
+    rows: usize,
+    width: f64,
+    sums: Vec<[[f32; WIDE]; FAN]>,
+    /// What each receiver takes of even light through the same points, over all samples.
+    even: [f64; FAN],
+}
+
+enum Shape {
+    Diffuse,
+    Lobe(Arc<dyn Brdf>),
+    Family(Lookup),
+}
+
+impl Through {
+    fn new(kernel: &Kernel) -> Through {
+        let shape = match kernel {
+            Kernel::Diffuse => Shape::Diffuse,
+            Kernel::Lobe(lobe) => Shape::Lobe(Arc::clone(lobe)),
+            Kernel::Family(family, segment) => Shape::Family(family.lookup(*segment)),
+        };
+        let rows = kernel.count();
+        let sums = vec![[[0.0; WIDE]; FAN]; rows.div_ceil(WIDE)];
+        Through { shape, rows, width: kernel.width(), sums, even: [0.0; FAN] }
+    }
+
+    /// Adds what the receivers of `lanes` take through one point.
+    #[inline(always)]
+    fn add(&mut self, standing: &Standing, met: &Met, mut lanes: u64) {
+        for lane in 0..FAN {
+            self.even[lane] += f64::from(met.share[lane]);
+        }
+        if matches!(self.shape, Shape::Diffuse) {
+            for lane in 0..FAN {
+                self.sums[0][lane][0] += met.share[lane] * FRAC_1_PI as f32;
+            }
+            return;
+        }
+        while lanes != 0 {
+            let lane = lanes.trailing_zeros() as usize;
+            lanes &= lanes - 1;
+            let share = met.share[lane];
+            if share <= 0.0 {
+                continue;
+            }
+            match &self.shape {
+                Shape::Diffuse => {}
+                Shape::Lobe(lobe) => {
+                    let [wi, wo, normal] = standing.directions(met, lane);
+                    let [tangent, bitangent] = frame(normal);
+                    let [wi, wo] = [wi, wo].map(|w| [tangent, bitangent, normal].map(|axis| dot(axis, w)));
+                    self.sums[0][lane][0] += share * lobe.evaluate(wi, wo) as f32;
+                }
+                Shape::Family(lookup) => {
+                    if !standing.is_seen(lane) {
+                        continue;
+                    }
+                    let (fall, fixed) = lookup.fixed(&standing.angles(met, lane));
+                    for group in 0..self.sums.len() {
+                        lookup.add(group, fall, share * fixed, &mut self.sums[group][lane]);
+                    }
                 }
             }
         }
@@ -120,78 +170,148 @@ impl SubArea {
         }
     }
 
-    /// How many points of a sample of a radius, seen from a distance through a lobe of a width.
-    fn count(self, radius: f64, distance: f64, width: f64) -> usize {
+    /// How many points of a sample of a radius, over a lobe's width, at a distance whose square is given.
+    #[inline(always)]
+    fn count(self, radius: f32, square: f32) -> usize {
         match self {
             SubArea::Centre => 1,
             SubArea::Disc(points) | SubArea::Cell(points) => points,
-            SubArea::ByAngle => match radius / (distance * width) {
-                wide if wide < 0.1 => 1,
-                wide if wide < 0.2 => 4,
-                wide if wide < 0.4 => 16,
+            SubArea::ByAngle => match radius * radius / square {
+                wide if wide < 0.1 * 0.1 => 1,
+                wide if wide < 0.2 * 0.2 => 4,
+                wide if wide < 0.4 * 0.4 => 16,
                 _ => 64,
             },
         }
     }
 }
 
-/// A receiver's place, its frame (tangent, bitangent, normal), and the eye in it.
-struct Standing {
-    place: [f64; 3],
-    frame: [[f64; 3]; 3],
-    wo: [f64; 3],
-}
-
-impl Standing {
-    fn of(receiver: &Receiver) -> Standing {
-        let normal = receiver.normal.map(f64::from);
-        let [tangent, bitangent] = frame(normal);
-        let frame = [tangent, bitangent, normal];
-        Standing { place: receiver.origin.map(f64::from), wo: frame.map(|axis| dot(axis, receiver.eye)), frame }
+/// The most points of any receiver.
+#[inline(always)]
+fn largest(counts: &[u8; FAN]) -> usize {
+    let mut most = 0;
+    for &count in counts {
+        most = if count > most { count } else { most };
     }
+    usize::from(most)
 }
 
 impl Gather<'_> {
-    /// The rows of up to 64 receivers: `[receiver][row][sample]`.
-    pub fn rows(&self, receivers: &[Receiver], segments: &mut Segments) -> Vec<f32> {
-        debug_assert!(receivers.len() <= FAN);
-        let (count, rows) = (self.samples.len(), self.kernel.count());
-        let width = self.kernel.width();
-        let standing: Vec<Standing> = receivers.iter().map(Standing::of).collect();
-        let ends: Vec<[f32; 3]> = receivers.iter().map(|receiver| receiver.origin).collect();
-        let mut out = vec![0.0f32; receivers.len() * rows * count];
-        let (mut even, mut sums, mut points) = (vec![0.0f64; receivers.len()], vec![0.0; rows], Vec::new());
-        for (number, sample) in self.samples.points.iter().enumerate() {
-            let mut seen = self.seen(sample, &standing, &ends, segments);
-            let radius = (self.samples.areas[number] / PI).sqrt();
-            while seen != 0 {
-                let own = seen.trailing_zeros() as usize;
-                seen &= seen - 1;
-                let at = &standing[own];
-                let away: [f64; 3] = std::array::from_fn(|k| sample.place[k] - at.place[k]);
-                let m = self.sub_area.count(radius, dot(away, away).sqrt(), width);
-                self.spread(number, m, &mut points);
-                sums.fill(0.0);
-                even[own] += self.gathered(number, at, &points, &mut sums);
-                for (row, sum) in sums.iter().enumerate() {
-                    out[(own * rows + row) * count + number] = *sum as f32;
-                }
-            }
-        }
-        for (own, (receiver, even)) in receivers.iter().zip(even).enumerate() {
-            let scale = self.scale(receiver, even);
-            out[own * rows * count..][..rows * count].iter_mut().for_each(|value| *value *= scale);
-        }
-        out
+    /// Rows of each receiver, through all kernels.
+    pub fn count(&self) -> usize {
+        self.kernels.iter().map(Kernel::count).sum()
     }
 
-    /// The rows of any number of receivers. `advance` hears of every 64 and may stop it.
-    pub fn matrix(&self, receivers: &[Receiver], advance: &(dyn Fn(u64) -> Result<()> + Sync)) -> Result<Vec<f32>> {
-        let of_bundle = |segments: &mut Segments, bundle: &[Receiver]| -> Result<Vec<f32>> {
-            advance(bundle.len() as u64)?;
-            Ok(self.rows(bundle, segments))
+    /// The rows of up to 64 receivers in groups of 16: `[row][group][sample]`, each the values of 16 receivers.
+    pub fn rows(&self, receivers: &[Receiver], segments: &mut Segments, out: &mut Vec<Rows16>) {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the instruction set was found.
+            return unsafe { self.rows_avx2(receivers, segments, out) };
+        }
+        self.rows_any(receivers, segments, out)
+    }
+
+    /// The same code, compiled for eight lanes: the same bits, since Rust never fuses or reorders.
+    #[cfg(target_arch = "x86_64")]
+    #[target_feature(enable = "avx2")]
+    fn rows_avx2(&self, receivers: &[Receiver], segments: &mut Segments, out: &mut Vec<Rows16>) {
+        self.rows_any(receivers, segments, out)
+    }
+
+    #[inline(always)]
+    fn rows_any(&self, receivers: &[Receiver], segments: &mut Segments, out: &mut Vec<Rows16>) {
+        debug_assert!(receivers.len() <= FAN);
+        let (count, groups) = (self.samples.len(), receivers.len().div_ceil(GROUP));
+        let (standing, mut met, mut squares) = (Standing::of(receivers), Met::default(), [0.0; FAN]);
+        let ends: Vec<[f32; 3]> = receivers.iter().map(|receiver| receiver.origin).collect();
+        out.clear();
+        out.resize(self.count() * groups * count, [0.0; GROUP]);
+        let mut through: Vec<Through> = self.kernels.iter().map(Through::new).collect();
+        let mut points = Vec::new();
+        for (number, sample) in self.samples.points.iter().enumerate() {
+            let (place, normal) = (sample.place.map(|x| x as f32), sample.normal.map(|x| x as f32));
+            let facing = standing.facing(place, normal, &mut squares);
+            if facing == 0 {
+                continue;
+            }
+            let apex = Apex { origin: sample.origin.map(|x| x as f32), normal };
+            let seen = segments.seen(self.tracer, &apex, &ends, facing);
+            if seen == 0 {
+                continue;
+            }
+            let (mut row, area) = (0, self.samples.areas[number] as f32);
+            for own in &mut through {
+                let counts = self.counts(number, own.width, seen, &squares);
+                let most = largest(&counts);
+                self.points(number, most, &mut points);
+                for (k, &point) in points.iter().enumerate() {
+                    // Of a receiver that takes fewer points, as many as it takes that are as evenly spread.
+                    let (mut parts, mut lanes) = ([0.0; FAN], 0);
+                    let mut left = seen;
+                    while left != 0 {
+                        let lane = left.trailing_zeros() as usize;
+                        left &= left - 1;
+                        let own = usize::from(counts[lane]);
+                        let every = most / own;
+                        if every == 1 || k % every == every / 2 {
+                            parts[lane] = area / own as f32;
+                            lanes |= 1 << lane;
+                        }
+                    }
+                    standing.meet(point, normal, &parts, &mut met);
+                    own.add(&standing, &met, lanes);
+                }
+                for at in 0..own.rows {
+                    let sums = &own.sums[at / WIDE];
+                    for group in 0..groups {
+                        let lanes = &mut out[((row + at) * groups + group) * count + number];
+                        for lane in 0..GROUP {
+                            lanes[lane] = sums[group * GROUP + lane][at % WIDE];
+                        }
+                    }
+                }
+                for sums in &mut own.sums {
+                    *sums = [[0.0; WIDE]; FAN];
+                }
+                row += own.rows;
+            }
+        }
+        let even: Vec<[f64; FAN]> = through.iter().map(|own| own.even.map(|even| even * FRAC_1_PI)).collect();
+        self.scale(receivers, &even, out);
+    }
+
+    /// How many points each receiver that sees a sample takes of it: 0 of the others, else powers of two.
+    #[inline(always)]
+    fn counts(&self, number: usize, width: f64, seen: u64, squares: &Lanes) -> [u8; FAN] {
+        let radius = (self.samples.areas[number] / PI).sqrt();
+        let most = match self.sub_area {
+            SubArea::Centre | SubArea::Disc(_) => usize::MAX,
+            SubArea::Cell(_) | SubArea::ByAngle => 1 << self.samples.cell(number).len().ilog2(),
         };
-        let found = receivers.par_chunks(FAN).map_init(Segments::default, of_bundle).collect::<Result<Vec<_>>>()?;
+        let (mut counts, mut left) = ([0; FAN], seen);
+        while left != 0 {
+            let lane = left.trailing_zeros() as usize;
+            left &= left - 1;
+            counts[lane] = self.sub_area.count((radius / width) as f32, squares[lane]).min(most) as u8;
+        }
+        counts
+    }
+
+    /// The rows of any number of receivers, `[receiver][row][sample]`. `advance` hears of every 64 and may stop it.
+    pub fn matrix(&self, receivers: &[Receiver], advance: &(dyn Fn(u64) -> Result<()> + Sync)) -> Result<Vec<f32>> {
+        let (count, rows) = (self.samples.len(), self.count());
+        let of_bundle = |room: &mut (Segments, Vec<Rows16>), bundle: &[Receiver]| -> Result<Vec<f32>> {
+            advance(bundle.len() as u64)?;
+            self.rows(bundle, &mut room.0, &mut room.1);
+            let groups = bundle.len().div_ceil(GROUP);
+            let row = |(own, row): (usize, usize)| {
+                let first = (row * groups + own / GROUP) * count;
+                room.1[first..first + count].iter().map(move |lanes| lanes[own % GROUP])
+            };
+            Ok((0..bundle.len()).flat_map(|own| (0..rows).map(move |row| (own, row))).flat_map(row).collect())
+        };
+        let found = receivers.par_chunks(FAN).map_init(Default::default, of_bundle).collect::<Result<Vec<_>>>()?;
         Ok(found.into_iter().flatten().collect())
     }
 
@@ -212,95 +332,78 @@ impl Gather<'_> {
                 .filter(|(weight, _)| **weight != 0.0)
                 .fold([0.0; 3], |sum, (&weight, light)| std::array::from_fn(|c| sum[c] + f64::from(weight) * light[c]))
         };
-        let of_bundle = |segments: &mut Segments, bundle: &[Receiver]| -> Result<Vec<[f64; 3]>> {
-            advance(bundle.len() as u64)?;
-            Ok(self.rows(bundle, segments).chunks_exact(count).map(times).collect())
+        let of_bundle = |bundle: &[Receiver]| -> Result<Vec<[f64; 3]>> {
+            Ok(self.matrix(bundle, advance)?.chunks_exact(count).map(times).collect())
         };
-        let found = receivers.par_chunks(FAN).map_init(Segments::default, of_bundle).collect::<Result<Vec<_>>>()?;
+        let found = receivers.par_chunks(FAN).map(of_bundle).collect::<Result<Vec<_>>>()?;
         Ok(found.into_iter().flatten().collect())
     }
 
-    /// The receivers that see a sample, both facing each other.
-    fn seen(&self, sample: &Point, standing: &[Standing], ends: &[[f32; 3]], segments: &mut Segments) -> u64 {
-        let mut facing = 0;
-        for (number, at) in standing.iter().enumerate() {
-            let away: [f64; 3] = std::array::from_fn(|k| sample.place[k] - at.place[k]);
-            let faces = dot(away, at.frame[2]) > 0.0 && dot(away, sample.normal) < 0.0;
-            facing |= u64::from(faces) << number;
-        }
-        let apex = Apex { origin: sample.origin.map(|x| x as f32), normal: sample.normal.map(|x| x as f32) };
-        segments.seen(self.surfaces.tracer, &apex, ends, facing)
-    }
-
-    /// The points of what a sample stands for.
-    fn spread(&self, number: usize, m: usize, points: &mut Vec<[f64; 3]>) {
+    /// So many points of what a sample stands for.
+    fn points(&self, number: usize, m: usize, points: &mut Vec<[f32; 3]>) {
         points.clear();
         let sample = &self.samples.points[number];
+        let narrow = |point: [f64; 3]| point.map(|x| x as f32);
         match self.sub_area {
-            SubArea::Centre => points.push(sample.place),
+            SubArea::Centre => points.push(narrow(sample.place)),
             SubArea::Disc(_) => {
                 let ([side, front], radius) = (frame(sample.normal), (self.samples.areas[number] / PI).sqrt());
                 points.extend((0..m).map(|k| {
                     let (y, x) = (TAU * GOLDEN * k as f64).sin_cos();
                     let out = radius * ((k as f64 + 0.5) / m as f64).sqrt();
-                    std::array::from_fn(|axis| sample.place[axis] + out * (x * side[axis] + y * front[axis]))
+                    narrow(std::array::from_fn(|axis| sample.place[axis] + out * (x * side[axis] + y * front[axis])))
                 }));
             }
             SubArea::Cell(_) | SubArea::ByAngle => {
                 let cell = self.samples.cell(number);
-                let m = m.min(cell.len());
-                points.extend((0..m).map(|k| cell[(2 * k + 1) * cell.len() / (2 * m)]));
+                points.extend((0..m).map(|k| narrow(cell[(2 * k + 1) * cell.len() / (2 * m)])));
             }
         }
     }
 
-    /// Adds what a receiver takes through all points of a sample to its rows, and returns what it takes with cosines.
-    fn gathered(&self, number: usize, at: &Standing, points: &[[f64; 3]], sums: &mut [f64]) -> f64 {
-        let normal = self.samples.points[number].normal;
-        let part = self.samples.areas[number] / points.len() as f64;
-        let mut even = 0.0;
-        for q in points {
-            let away: [f64; 3] = std::array::from_fn(|k| q[k] - at.place[k]);
-            let square = dot(away, away);
-            let distance = square.sqrt();
-            let (wi, down) = (at.frame.map(|axis| dot(axis, away) / distance), -dot(normal, away) / distance);
-            if wi[2] <= 0.0 || down <= 0.0 {
-                continue;
+    /// Mends rows that are too low or too high, by what each kernel's points take of even light.
+    fn scale(&self, receivers: &[Receiver], even: &[[f64; FAN]], out: &mut [Rows16]) {
+        let (count, groups) = (self.samples.len(), receivers.len().div_ceil(GROUP));
+        let closed: Vec<f64> = receivers.iter().map(|receiver| self.closed(receiver)).collect();
+        let mut planes = out.chunks_exact_mut(count);
+        for (kernel, even) in self.kernels.iter().zip(even) {
+            let mut scales = [[0.0f32; GROUP]; FAN / GROUP];
+            for (own, (closed, even)) in closed.iter().zip(even).enumerate().filter(|(_, (_, even))| **even > 0.0) {
+                let scale = closed / even;
+                let scale = if matches!(kernel, Kernel::Diffuse) { scale } else { scale.min(1.0) };
+                scales[own / GROUP][own % GROUP] = scale as f32;
             }
-            let share = part * down / square.max(part);
-            even += share * wi[2] * FRAC_1_PI;
-            self.kernel.add([wi, at.wo], share, sums);
+            for (at, plane) in planes.by_ref().take(kernel.count() * groups).enumerate() {
+                let scales = &scales[at % groups];
+                plane.iter_mut().for_each(|lanes| (0..GROUP).for_each(|lane| lanes[lane] *= scales[lane]));
+            }
         }
-        even
-    }
-
-    /// By how much the rows of a receiver are too low or too high.
-    fn scale(&self, receiver: &Receiver, even: f64) -> f32 {
-        if even <= 0.0 {
-            return 0.0;
-        }
-        let scale = self.closed(receiver) / even;
-        (if matches!(self.kernel, Kernel::Diffuse) { scale } else { scale.min(1.0) }) as f32
     }
 
     /// The share of even light that a receiver would take from surfaces.
     fn closed(&self, receiver: &Receiver) -> f64 {
         let seed = receiver.origin.iter().fold(0, |seed, x| mixed(seed ^ u64::from(x.to_bits())));
         let directions = cosine_directions(receiver.normal.map(f64::from), CLOSED, seed);
-        let meets = |direction: &[f64; 3]| self.surfaces.tracer.occluded(receiver.origin, direction.map(|x| x as f32));
-        directions.filter(meets).count() as f64 / (CLOSED * CLOSED) as f64
+        let directions: Vec<[f32; 3]> = directions.map(|direction| direction.map(|x| x as f32)).collect();
+        let (from, mut walk) = (Apex { origin: receiver.origin, normal: receiver.normal }, Walk::default());
+        let mut met = |fan: &Fan| self.tracer.blocked(&from, fan, fan.all(), &mut walk).count_ones();
+        let met: u32 = fans(&directions).iter().map(|(fan, _)| met(fan)).sum();
+        f64::from(met) / (CLOSED * CLOSED) as f64
     }
 }
 
 /// What `side` x `side` rays of a lobe meet, and what each stands for: the reference of what is gathered.
 pub fn lobe_hits(surfaces: Surfaces, receiver: &Receiver, lobe: &dyn Brdf, side: usize) -> Vec<(Option<Point>, f64)> {
-    let Standing { frame, wo, .. } = Standing::of(receiver);
+    let normal = receiver.normal.map(f64::from);
+    let [tangent, bitangent] = frame(normal);
+    let axes = [tangent, bitangent, normal];
+    let wo = axes.map(|axis| dot(axis, receiver.eye));
     let count = side * side;
     let hit = |k: usize| {
         let [x, y] = jitter(mixed(k as u64));
         let at = [((k % side) as f64 + x) / side as f64, ((k / side) as f64 + y) / side as f64];
         let Some((wi, pdf)) = lobe.sample(wo, at) else { return (None, 0.0) };
-        let direction = std::array::from_fn(|k| (0..3).map(|axis| wi[axis] * frame[axis][k]).sum());
+        let direction = std::array::from_fn(|k| (0..3).map(|axis| wi[axis] * axes[axis][k]).sum());
         let share = lobe.evaluate(wi, wo) * wi[2] / pdf / count as f64;
         (surfaces.meet(receiver.origin, direction), share)
     };

@@ -1,5 +1,7 @@
 //! Bindings of `brdf::family`: a model over the range of its parameter.
 
+use std::sync::Arc;
+
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1};
 use pyo3::prelude::*;
 use rayon::prelude::*;
@@ -12,7 +14,7 @@ use super::compute;
 
 /// A family; see `deltalux.Family`.
 #[pyclass(frozen, module = "deltalux._core")]
-pub(super) struct Family(pub(super) Core);
+pub(super) struct Family(pub(super) Arc<Core>);
 
 /// Peak, energy and root of the mean square.
 type Three = (f64, f64, f64);
@@ -36,21 +38,21 @@ impl Family {
     #[staticmethod]
     fn within(py: Python<'_>, model: &str, range: [f64; 2], error: f64) -> PyResult<Family> {
         let edited = Edited::named(model, false)?;
-        compute(py, || Core::within(edited, range, error)).map(Family)
+        compute(py, || Core::within(edited, range, error)).map(|family| Family(Arc::new(family)))
     }
 
     /// As many of both as are asked for.
     #[staticmethod]
     fn segmented(py: Python<'_>, model: &str, range: [f64; 2], live: usize, segments: usize) -> PyResult<Family> {
         let edited = Edited::named(model, false)?;
-        compute(py, || Core::segmented(edited, range, live, segments)).map(Family)
+        compute(py, || Core::segmented(edited, range, live, segments)).map(|family| Family(Arc::new(family)))
     }
 
     /// The paper's single basis.
     #[staticmethod]
     fn even(py: Python<'_>, model: &str, range: [f64; 2], live: usize, printed: bool) -> PyResult<Family> {
         let edited = Edited::named(model, printed)?;
-        compute(py, || Core::even(edited, range, live)).map(Family)
+        compute(py, || Core::even(edited, range, live)).map(|family| Family(Arc::new(family)))
     }
 
     /// Functions of a segment.

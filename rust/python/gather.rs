@@ -6,15 +6,14 @@ use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyRe
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
-use crate::brdf::Brdf as Model;
-use crate::brdf::family::Family as Functions;
+use crate::basis::HaarTree;
 use crate::error::{Error, Result};
 use crate::precompute::{Gather, Kernel, Receiver, SubArea, lobe_hits, seen_from};
-use crate::scene::rays::Segments;
+use crate::scene::rays::{LIFT, Segments};
 use crate::scene::surface::dot;
-use crate::scene::{GatherSamples as Samples, Mesh, Surfaces};
+use crate::scene::{GatherSamples as Samples, Mesh, Points, Surfaces};
 
-use super::arrays::{rows_of, table, triples, vectors};
+use super::arrays::{rows_of, table, to_vec, triples, vectors};
 use super::brdf::Brdf;
 use super::family::Family;
 use super::rows::{Camera, Receivers};
@@ -25,7 +24,7 @@ use super::{compute, interruptible};
 #[pyclass(frozen, module = "deltalux._core")]
 pub(super) struct GatherSamples {
     scene: Py<Scene>,
-    samples: Samples,
+    pub(super) samples: Arc<Samples>,
 }
 
 /// Places, unit normals and triangles of points.
@@ -33,34 +32,21 @@ type OnSurfaces = (Py<PyArray2<f32>>, Py<PyArray2<f32>>, Py<PyArray1<u32>>);
 
 /// What rows are taken through: a lobe, or the functions of a family at a parameter; None: cosines.
 #[derive(FromPyObject)]
-enum Through<'py> {
+pub(super) enum Through<'py> {
     Lobe(Bound<'py, Brdf>),
     Family(Bound<'py, Family>, f64),
 }
 
-/// The same, without Python's lock.
-enum Owned<'py> {
-    Diffuse,
-    Lobe(Arc<dyn Model>),
-    Family(&'py Functions, usize),
-}
-
-impl Owned<'_> {
-    fn of<'a>(through: &'a Option<Through<'_>>) -> Result<Owned<'a>> {
-        Ok(match through {
-            None => Owned::Diffuse,
-            Some(Through::Lobe(lobe)) => Owned::Lobe(Arc::clone(&lobe.get().model)),
-            Some(Through::Family(family, gamma)) => Owned::Family(&family.get().0, family.get().0.segment(*gamma)?),
-        })
-    }
-
-    fn kernel(&self) -> Kernel<'_> {
-        match self {
-            Owned::Diffuse => Kernel::Diffuse,
-            Owned::Lobe(lobe) => Kernel::Lobe(&**lobe),
-            Owned::Family(family, segment) => Kernel::Family(family, *segment),
+/// The kernels of what rows are taken through.
+pub(super) fn kernel(through: &Option<Through<'_>>) -> Result<Kernel> {
+    Ok(match through {
+        None => Kernel::Diffuse,
+        Some(Through::Lobe(lobe)) => Kernel::Lobe(Arc::clone(&lobe.get().model)),
+        Some(Through::Family(family, gamma)) => {
+            let family = &family.get().0;
+            Kernel::Family(Arc::clone(family), family.segment(*gamma)?)
         }
-    }
+    })
 }
 
 /// By its name, and for discs and cells a number of points.
@@ -75,7 +61,7 @@ fn sub_area(name: &str, points: usize) -> Result<SubArea> {
 }
 
 /// Some rows as receivers, seen by an eye of the user's space.
-fn receivers(mesh: &Mesh, rows: &Receivers, numbers: &[u32], eye: [f64; 3]) -> Result<Vec<Receiver>> {
+pub(super) fn receivers(mesh: &Mesh, rows: &Receivers, numbers: &[u32], eye: [f64; 3]) -> Result<Vec<Receiver>> {
     let (points, eye) = (rows.points(), mesh.normalised(eye).map(f64::from));
     let receiver = |&number: &u32| {
         let number = number as usize;
@@ -90,6 +76,27 @@ fn receivers(mesh: &Mesh, rows: &Receivers, numbers: &[u32], eye: [f64; 3]) -> R
 }
 
 impl GatherSamples {
+    /// The scene that they are of.
+    pub(super) fn scene(&self) -> &Scene {
+        self.scene.get()
+    }
+
+    /// `each` points of every cell, evenly over those that it has, off their surfaces.
+    pub(super) fn of_cells(&self, each: usize) -> Points {
+        let (samples, normals) = (&self.samples, self.normals(self.scene.get().surfaces().mesh));
+        let place = |(number, k): (usize, usize)| {
+            let first = samples.cell_starts[number] as usize;
+            first + (2 * k + 1) * samples.cell(number).len() / (2 * each)
+        };
+        let places = (0..samples.len()).flat_map(|number| (0..each).map(move |k| (number, k))).map(place);
+        let lifted = |place: usize| {
+            let (at, normal) = (samples.cell_points[place], normals[place]);
+            (std::array::from_fn(|k| (at[k] + LIFT * f64::from(normal[k])) as f32), normal)
+        };
+        let (origin, normal) = places.map(lifted).unzip();
+        Points { origin, normal }
+    }
+
     /// The unit normals of all points of cells, to the sides that their samples are on.
     fn normals(&self, mesh: &Mesh) -> Vec<[f32; 3]> {
         let samples = &self.samples;
@@ -121,12 +128,18 @@ impl GatherSamples {
         let samples = interruptible(py, None, |watch| {
             Samples::from_eye_paths(surfaces, &camera.0, &shines, count, &|| watch.advance(1))
         })?;
-        Ok(GatherSamples { scene: scene.unbind(), samples })
+        Ok(GatherSamples { scene: scene.unbind(), samples: Arc::new(samples) })
     }
 
     /// How many there are.
     fn __len__(&self) -> usize {
         self.samples.len()
+    }
+
+    /// Areas in the normalised scene, (samples,) float64: those of `SampleTree`.
+    #[getter]
+    fn tree_areas(&self, py: Python<'_>) -> Py<PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.samples.areas).unbind()
     }
 
     /// In the user's space, (samples, 3) float32.
@@ -171,6 +184,17 @@ impl GatherSamples {
         Ok((rows_of(py, &places)?, rows_of(py, &self.normals(mesh))?, triangles))
     }
 
+    /// Of all points of cells the user's numbers of their triangles, (points,) uint32, and the weights of corners 1 and 2 there,
+    /// (points, 2) float32.
+    #[allow(clippy::type_complexity)]
+    fn cell_places(&self, py: Python<'_>) -> PyResult<(Py<PyArray1<u32>>, Py<PyArray2<f32>>)> {
+        let (mesh, samples) = (self.scene.get().surfaces().mesh, &self.samples);
+        let at = samples.cell_points.iter().zip(&samples.cell_triangles);
+        let weights: Vec<_> = at.map(|(&place, &triangle)| mesh.barycentric(triangle as usize, place)).collect();
+        let triangles = samples.cell_triangles.iter().map(|&triangle| mesh.source[triangle as usize]);
+        Ok((PyArray1::from_iter(py, triangles).unbind(), rows_of(py, &weights)?))
+    }
+
     /// What some rows, seen from an eye, take from each sample: (rows, functions, samples) float32.
     #[pyo3(signature = (rows, numbers, eye, through, *, sub_area = "angle", points = 16))]
     #[allow(clippy::too_many_arguments, reason = "who gathers, through what, and by which points")]
@@ -186,10 +210,9 @@ impl GatherSamples {
     ) -> PyResult<Bound<'py, PyArray3<f32>>> {
         let (surfaces, sub_area) = (self.scene.get().surfaces(), self::sub_area(sub_area, points)?);
         let receivers = receivers(surfaces.mesh, rows, &numbers, eye)?;
-        let owned = Owned::of(&through)?;
-        let kernel = owned.kernel();
-        let gather = Gather { surfaces, samples: &self.samples, kernel, sub_area };
-        let shape = [receivers.len(), kernel.count(), self.samples.len()];
+        let kernels = [kernel(&through)?];
+        let gather = Gather { tracer: surfaces.tracer, samples: &self.samples, kernels: &kernels, sub_area };
+        let shape = [receivers.len(), gather.count(), self.samples.len()];
         let values = interruptible(py, None, |watch| gather.matrix(&receivers, &|rows| watch.advance(rows)))?;
         PyArray1::from_vec(py, values).reshape(shape)
     }
@@ -211,9 +234,38 @@ impl GatherSamples {
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let (surfaces, sub_area) = (self.scene.get().surfaces(), self::sub_area(sub_area, points)?);
         let receivers = receivers(surfaces.mesh, rows, &numbers, eye)?;
-        let (owned, light) = (Owned::of(&through)?, triples("light", &light)?);
-        let gather = Gather { surfaces, samples: &self.samples, kernel: owned.kernel(), sub_area };
+        let (kernels, light) = ([kernel(&through)?], triples("light", &light)?);
+        let gather = Gather { tracer: surfaces.tracer, samples: &self.samples, kernels: &kernels, sub_area };
         table(py, interruptible(py, progress, |watch| gather.light(&receivers, light, &|rows| watch.advance(rows)))?)
+    }
+}
+
+/// Haar wavelets over the tree of samples with these areas.
+#[pyclass(frozen, module = "deltalux._core")]
+struct SampleTree(HaarTree);
+
+#[pymethods]
+impl SampleTree {
+    /// areas: (samples,) float64, in the order of the tree.
+    #[new]
+    fn new(areas: PyReadonlyArray1<'_, f64>) -> PyResult<Self> {
+        Ok(SampleTree(HaarTree::new(to_vec(&areas))?))
+    }
+
+    /// Its columns, as text: "tree:4096".
+    #[getter]
+    fn columns(&self) -> String {
+        self.0.space().to_string()
+    }
+
+    /// Coefficients (columns, 3) float64 of light at the samples (samples, 3).
+    fn forward<'py>(&self, py: Python<'py>, light: PyReadonlyArray2<'py, f64>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let (light, count) = (triples("light", &light)?, self.0.areas().len());
+        if light.len() != count {
+            let found = light.len();
+            return Err(Error::input(format!("expected the light of {count} samples, got that of {found}")).into());
+        }
+        table(py, self.0.forward(light))
     }
 }
 
@@ -280,6 +332,7 @@ fn points_seen_from(
 /// Adds what this file has for Python to the module.
 pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<GatherSamples>()?;
+    module.add_class::<SampleTree>()?;
     module.add_function(wrap_pyfunction!(gather_lobe_hits, module)?)?;
     module.add_function(wrap_pyfunction!(points_seen_from, module)?)
 }

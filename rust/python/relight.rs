@@ -101,9 +101,11 @@ impl Updater {
 #[pymethods]
 impl Updater {
     /// `second`: how the second stage is followed, where there is one. `initial`: what the first step applies, "full",
-    /// "nonlinear" or None; `mix`: how several factors are mixed, (rows, factors) float32.
+    /// "nonlinear" or None; `mix`: how several factors are mixed, (rows, factors) float32; `steady`: whether no light that came
+    /// before leaves a trace.
     #[new]
-    #[pyo3(signature = (transport, first, second, *, mix, initial))]
+    #[pyo3(signature = (transport, first, second, *, mix, initial, steady))]
+    #[allow(clippy::too_many_arguments)]
     fn new(
         py: Python<'_>,
         transport: &Bound<'_, Transport>,
@@ -111,6 +113,7 @@ impl Updater {
         second: Option<&Settings>,
         mix: Option<PyReadonlyArray2<'_, f32>>,
         initial: Option<&str>,
+        steady: bool,
     ) -> PyResult<Self> {
         let chain = Arc::clone(&transport.get().chain);
         let rows = chain.product.rows();
@@ -122,7 +125,10 @@ impl Updater {
             Some(other) => return Err(Error::input(format!("unknown start {other:?}")).into()),
         };
         let mix = mix.map(|mix| mix_of(&mix)).transpose()?;
-        let state = compute(py, || Core::new(chain, first, second, mix, initial))?;
+        let state = compute(py, || {
+            let state = Core::new(chain, first, second, mix, initial)?;
+            Ok(if steady { state.steady() } else { state })
+        })?;
         Ok(Updater { state: Mutex::new(state), rows, spare: Spare::default() })
     }
 

@@ -483,6 +483,29 @@ impl Transport {
         compute(py, || Ok(Transport::new(Product::one(Arc::new(matrix.truncated(&rule)?)), None)))
     }
 
+    /// One matrix in memory that stands for all factors, each times its number, truncated by weights of its columns.
+    #[pyo3(signature = (numbers, *, threshold, weights, width = None))]
+    fn frozen(
+        &self,
+        py: Python<'_>,
+        numbers: Vec<f64>,
+        threshold: f64,
+        weights: PyReadonlyArray1<'_, f64>,
+        width: Option<&str>,
+    ) -> PyResult<Transport> {
+        let matrix = self.matrix();
+        let (weights, width) = (to_vec(&weights), width.map_or(Ok(width_of(matrix)), str::parse)?);
+        if weights.len() != matrix.bands.columns() {
+            let (expected, found) = (matrix.bands.columns(), weights.len());
+            return Err(Error::input(format!("expected {expected} weights, one a column, got {found}")).into());
+        }
+        let rule = Truncation::with_weights(weights, matrix.bands.always, threshold, matrix.quantum, width)?;
+        compute(py, || {
+            let matrix = core::freeze(&self.product().first, &numbers, &rule)?;
+            Ok(Transport::new(Product::one(Arc::new(matrix)), None))
+        })
+    }
+
     /// Writes M under a coarser rule as a transport of its own, shard by shard, with the same receivers and audit.
     #[pyo3(signature = (path, threshold, *, plan, progress = None))]
     fn truncate_to(

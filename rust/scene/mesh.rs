@@ -100,6 +100,16 @@ impl Mesh {
         cross(sub(corners[1], corners[0]), sub(corners[2], corners[0]))
     }
 
+    /// The weights of a triangle's corners 1 and 2 at a point of it.
+    pub fn barycentric(&self, triangle: usize, place: [f64; 3]) -> [f32; 2] {
+        let [a, b, c] = self.corners[triangle].map(|corner| corner.map(f64::from));
+        let (u, v, w) = (sub(b, a), sub(c, a), sub(place, a));
+        let dot = |a: [f64; 3], b: [f64; 3]| (0..3).map(|k| a[k] * b[k]).sum::<f64>();
+        let (uu, uv, vv) = (dot(u, u), dot(u, v), dot(v, v));
+        let (wu, wv, area) = (dot(w, u), dot(w, v), uu * vv - uv * uv);
+        [((vv * wu - uv * wv) / area) as f32, ((uu * wv - uv * wu) / area) as f32]
+    }
+
     /// The largest extent of the box around them, in normalised units: from 1 to 2.
     pub fn extent(&self) -> f64 {
         2.0 * self.corners.iter().flatten().flatten().fold(0.0f64, |most, &x| most.max(f64::from(x).abs()))

@@ -3,6 +3,7 @@
 pub mod camera;
 mod curve;
 pub mod gather_samples;
+pub mod lamps;
 pub mod mesh;
 pub mod near;
 pub mod nodes;
@@ -14,6 +15,7 @@ pub mod vertices;
 
 pub use camera::Camera;
 pub use gather_samples::GatherSamples;
+pub use lamps::{Beam, Lamp, Sights, Source};
 pub use mesh::Mesh;
 pub use nodes::{CELL, Node, Nodes, Placed, Spacing, Wanted};
 pub use receivers::{PixelSampling, Receivers};

@@ -5,6 +5,7 @@ mod csr_rows;
 pub mod dense;
 pub mod entry;
 pub mod file;
+pub mod freeze;
 pub mod lobes;
 pub mod matrix;
 pub mod product;
@@ -24,6 +25,7 @@ pub use entry::{Channels, GROUP, MAX_TILE_ROWS, Rows16, Width, bf16, bf16_up};
 pub use file::{
     Array, Audit, Beside, Description, Numbers, Opened, Part, Writer, open, rewrite, survey as survey_stored,
 };
+pub use freeze::freeze;
 pub use lobes::{LobeModels, Lobes, RowLobe};
 pub use matrix::{Csr, TransportMatrix};
 pub use product::{Factors, Link, Product};

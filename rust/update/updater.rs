@@ -17,6 +17,7 @@ use super::choosing::method::{Budget, Settings};
 use super::multiplying::bound::{Measured, bound_rows, finish_bounds, largest_of_all};
 use super::multiplying::clustered::Clustered;
 use super::multiplying::finish::Mix;
+use super::multiplying::grid::{Grid, light_norm};
 use super::pace::Pace;
 use super::stage::{Chosen, Output, Stage};
 
@@ -57,6 +58,8 @@ pub struct Updater {
     unsent: Vec<Vec<[f64; 3]>>,
     mix: Option<Mix>,
     initial: Option<Initial>,
+    /// Whether the grid of a light follows from that light alone, whatever came before.
+    steady: bool,
     pace: Pace,
     /// Pictures written so far.
     shown: u64,
@@ -94,10 +97,17 @@ impl Updater {
             unsent: Vec::new(),
             mix,
             initial: Some(initial),
+            steady: false,
             pace: Pace::default(),
             shown: 0,
             chain,
         })
+    }
+
+    /// From now on a light that has been applied in full gives the bits that it gives a new follower: its grid follows from
+    /// it alone, in steps of 2^4. A light that grows or fades over such a step is applied afresh, which costs a product.
+    pub fn steady(self) -> Self {
+        Updater { steady: true, ..self }
     }
 
     /// Mixes the responses of the last frame anew, from now on: another view, or another BRDF. Nothing is sent for it.
@@ -143,7 +153,12 @@ impl Updater {
         if let Chosen::Given { resets, columns } = chosen {
             self.first.check_choice(resets, columns)?;
         }
-        self.first.receive(light)?;
+        if self.steady {
+            let grid = Grid::for_second(light_norm(light), 1.0, self.chain.span)?;
+            self.first.receive_on(grid, light)?;
+        } else {
+            self.first.receive(light)?;
+        }
         let settled = started.elapsed().as_secs_f64();
         if let Some(seconds) = seconds {
             // A budget of nothing would change nothing, for ever.

@@ -16,5 +16,6 @@ mod pass;
 mod response;
 mod scene;
 mod sight;
+mod studio;
 mod suite;
 mod transport;

@@ -128,6 +128,10 @@ class Relighter:
     mix
         (rows, factors): by which weights the responses of several factors are added; needed where there are several.
         See `Relighter.mix`.
+    steady
+        Whether no light that came before leaves a trace: what a light gives once it has been applied in full is then
+        what it gives a new relighter, bit for bit. Otherwise a much brighter light may leave the 2^-20th part of
+        itself, until the light has faded far below it; in return a light that grows or fades 16-fold costs no product.
 
     Raises
     ------
@@ -143,6 +147,7 @@ class Relighter:
         *,
         second: Method | None = None,
         mix: ArrayLike | None = None,
+        steady: bool = False,
     ) -> None:
         if initial not in ("full", "nonlinear", None):
             raise ValueError(f'expected initial="full", "nonlinear" or None, got {initial!r}')
@@ -165,7 +170,9 @@ class Relighter:
             timed=timed,
         )
         self._split, self._whole = PeakSplit(transport.columns, method), True
-        self._core = Updater(core, chosen, _second(transport, second), mix=weights, initial=initial)
+        self._core = Updater(
+            core, chosen, _second(transport, second), mix=weights, initial=initial, steady=bool(steady)
+        )
         self._weights = weights_of(method, areas, norms, costs) if method.is_own else None
         # What a method of one's own is shown, and the frame that follows its choice, are one step for all threads.
         self._asking = threading.RLock()

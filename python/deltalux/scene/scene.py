@@ -92,7 +92,8 @@ class Scene(Surface):
         Parameters
         ----------
         name
-            ``"plant"``, ``"cornell"``, ``"still-life"`` or ``"street"``.
+            ``"plant"``, ``"cornell"``, ``"still-life"`` or ``"street"``; for `precompute_studio` ``"studio-box"``,
+            ``"studio-figures"``, ``"studio-still-life"`` or ``"studio-room"``.
         camera : Camera, optional
             Otherwise the scene's own.
 

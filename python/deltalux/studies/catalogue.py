@@ -8,7 +8,7 @@ from .coherence import coverage, energy, equal_quality, equal_time, evolution, l
 from .factored import factors
 from .harmonics import blocker, two_bases
 from .interreflection import bounces, slides
-from .reflectance import families, gather
+from .reflectance import families, freezing, gather
 from .shape import Study
 
 __all__ = ["STUDIES"]
@@ -31,5 +31,6 @@ STUDIES: dict[str, Study] = {
     "slides": slides.STUDY,
     "families": families.STUDY,
     "gather": gather.STUDY,
+    "freezing": freezing.STUDY,
 }
 """By name, in the order of the papers."""

@@ -8,6 +8,7 @@
 //! edited.rs   f_E of six models, normalised; the printed forms beside them
 //! axis.rs     the angles at which functions are kept
 //! span.rs     b_k of a part of the range, and c_k of a parameter in it
+//! lookup.rs   the same as a table for passes over many directions
 //! ```
 //!
 //! The paper takes one basis for the whole range, from parameters spread evenly; no single linear basis serves both ends
@@ -16,6 +17,7 @@
 
 mod axis;
 mod edited;
+pub mod lookup;
 mod span;
 
 use rayon::prelude::*;
@@ -24,6 +26,7 @@ use crate::error::{Error, Result};
 
 use axis::Axis;
 pub use edited::{Edited, MODELS, Model};
+pub use lookup::Lookup;
 use span::Span;
 
 /// Segments that a family has at most: each is stored.
@@ -154,6 +157,12 @@ impl Family {
         let (node, share) = self.axis.locate(fall);
         let between = move |values: &Vec<f64>| (1.0 - share) * values[node] + share * values[node + 1];
         self.spans[segment].functions.iter().map(between)
+    }
+
+    /// The functions of a segment as a table for passes over many pairs of directions.
+    pub fn lookup(&self, segment: usize) -> Lookup {
+        let width = self.edited.width(self.spans[segment].range);
+        Lookup::new(self.edited, width, self.live(), |fall| self.basis(segment, fall).collect())
     }
 
     /// f_E as the basis gives it, at each 1 - cos delta.

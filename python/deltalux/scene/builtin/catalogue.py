@@ -9,6 +9,7 @@ from .cornell import cornell
 from .plant import plant
 from .still_life import still_life
 from .street import street
+from .studios import studio_box, studio_figures, studio_room, studio_still_life
 
 
 def build(name: str) -> Content:
@@ -23,4 +24,8 @@ SCENES: dict[str, Callable[[], Content]] = {
     "cornell": cornell,
     "still-life": still_life,
     "street": street,
+    "studio-box": studio_box,
+    "studio-figures": studio_figures,
+    "studio-still-life": studio_still_life,
+    "studio-room": studio_room,
 }

@@ -1,0 +1,229 @@
+"""Transport of a studio: what surfaces send each other, for lamps that move and materials of families."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._core import FileError, LitPoints, SampleTree
+from .._core import Scene as CoreScene
+from ..brdf.family import Family
+from ..camera import Camera
+from .transport import Transport
+
+__all__ = ["ARRAYS", "EACH", "MANIFEST", "VERSION", "StudioPart", "StudioTransport"]
+
+MANIFEST, ARRAYS, VERSION = "studio.json", "arrays.npz", 1
+EACH = 4
+"""Places of a cell at which light that arrives directly is looked at; their mean is the sample's."""
+_LARGEST = 1 << 31
+
+
+@dataclass(frozen=True, eq=False)
+class StudioPart:
+    """What one material of a family shows of the light of other surfaces.
+
+    Attributes
+    ----------
+    name
+        Of the material.
+    number
+        Its place among the scene's materials.
+    family
+        What its gamma is edited in.
+    segments : tuple of Transport
+        T_k of each segment of the family: a row for each pixel that shows the material, a factor for each function.
+    rows : (n,) uint32
+        Those pixels' places among all rows of the view.
+    threshold
+        At which T was truncated: that at which a frozen T is.
+    """
+
+    name: str
+    number: int
+    family: Family
+    segments: tuple[Transport, ...]
+    rows: NDArray[np.uint32]
+    threshold: float
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all segments."""
+        return sum(segment.nbytes for segment in self.segments)
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.family.model}, {len(self.rows):,} rows, {self.nbytes / 1e6:.1f} MB"
+
+
+@dataclass(frozen=True, eq=False)
+class StudioTransport:
+    """What light does between the surfaces of a still scene after it has arrived, whatever the lamps.
+
+    Made by `precompute_studio` and opened by `StudioTransport.open`; `Studio` relights and edits. Nothing in it
+    changes.
+
+    Attributes
+    ----------
+    path : Path
+        The directory.
+    diffuse : Transport
+        D: what each row of the view receives from gather samples.
+    bounces : Transport
+        M_s: what each sample receives from the others.
+    parts : mapping of str to StudioPart
+        By the names of materials.
+    passes : int
+        How often light passes between samples before the view gathers it.
+    camera : Camera
+        Whose pixels the rows are.
+    weights : (columns,) float64
+        How much light is expected in each column.
+    albedo : (samples, 3) float32
+        Diffuse reflectances of the samples.
+    material : (samples,) uint16
+        Whose they are.
+    seconds : float
+        That it took to make.
+    """
+
+    path: Path
+    diffuse: Transport
+    bounces: Transport
+    parts: Mapping[str, StudioPart]
+    passes: int
+    camera: Camera
+    weights: NDArray[np.float64]
+    albedo: NDArray[np.float32]
+    material: NDArray[np.uint16]
+    seconds: float
+    _arrays: Mapping[str, NDArray[Any]]
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of all matrices."""
+        return self.diffuse.nbytes + self.bounces.nbytes + sum(part.nbytes for part in self.parts.values())
+
+    @cached_property
+    def scene(self) -> CoreScene:
+        """The surfaces ready for rays."""
+        return CoreScene(*(self._arrays[name] for name in ("vertices", "triangles", "of_triangle")))
+
+    @cached_property
+    def view(self) -> LitPoints:
+        """The rows of the view, which lamps shine on."""
+        return LitPoints.of_arrays(self.scene, self._arrays["view_origin"], self._arrays["view_normal"])
+
+    @cached_property
+    def cells(self) -> LitPoints:
+        """`EACH` points of the cell of each sample."""
+        return LitPoints.of_arrays(self.scene, self._arrays["cell_origin"], self._arrays["cell_normal"])
+
+    @cached_property
+    def tree(self) -> SampleTree:
+        """The wavelets over the samples."""
+        return SampleTree(self._arrays["areas"])
+
+    @cached_property
+    def eyes(self) -> NDArray[np.float32]:
+        """Unit vectors from the rows of the view to the camera, (rows, 3)."""
+        way = np.asarray(self.camera.position) - self.diffuse.receivers.position
+        return np.asarray(way / np.linalg.norm(way, axis=1, keepdims=True), np.float32)
+
+    @staticmethod
+    def open(path: str | os.PathLike[str]) -> StudioTransport:
+        """Opens a directory that `precompute_studio` made.
+
+        Parameters
+        ----------
+        path
+            The directory.
+
+        Returns
+        -------
+        StudioTransport
+
+        Raises
+        ------
+        FileError
+            (a ValueError) If it holds something else, or a file is damaged.
+        OSError
+            If a file cannot be read.
+        """
+        folder = Path(path)
+        if not (folder / MANIFEST).exists():
+            known = {"curves.json": "a transport of curves", "manifest.json": "a transport of light"}
+            what = next((text for name, text in known.items() if (folder / name).exists()), "none")
+            raise FileError(f"{folder}: expected a transport of a studio, got {what}")
+        try:
+            about = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
+            if about["version"] != VERSION:
+                raise ValueError(f"expected version {VERSION}, found {about['version']!r}")
+            with open(folder / ARRAYS, "rb") as file, np.load(file, allow_pickle=False) as arrays:
+                stored = {name: arrays[name] for name in arrays.files}
+            diffuse, bounces = Transport.open(folder / "diffuse"), Transport.open(folder / "bounces")
+            _check(stored, diffuse, bounces)
+            parts = {own["name"]: _part(folder, own, stored) for own in about["parts"]}
+            camera, seconds = Camera(**about["camera"]), float(about["seconds"])
+            weights, albedo, material = (stored[name] for name in ("weights", "albedo", "material"))
+            passes = int(about["passes"])
+            if not 0 <= passes <= 64:
+                raise ValueError(f"expected passes from 0 to 64, found {passes}")
+            return StudioTransport(
+                folder, diffuse, bounces, parts, passes, camera, weights, albedo, material, seconds, stored
+            )
+        except (ValueError, TypeError, LookupError, RecursionError, EOFError, BadZipFile) as error:
+            raise FileError(f"{folder}: {error}") from None
+
+    def __repr__(self) -> str:
+        rows, columns = self.diffuse.shape
+        return f"<StudioTransport of {rows:,} rows and {columns:,} columns, {self.nbytes / 1e6:.1f} MB>"
+
+
+def _check(stored: Mapping[str, NDArray[Any]], diffuse: Transport, bounces: Transport) -> None:
+    """Shapes and kinds of all arrays, whoever wrote them."""
+    rows, samples, columns = diffuse.shape[0], bounces.shape[0], diffuse.shape[1]
+    if bounces.shape[1] != columns or str(bounces.columns) != f"tree:{samples}":
+        raise ValueError(f"expected bounces over the tree of their samples, found {bounces.columns}")
+    triangles = len(stored["triangles"])
+    shapes: dict[str, tuple[type, tuple[int, ...]]] = {
+        "vertices": (np.float64, (len(stored["vertices"]), 3)),
+        "triangles": (np.uint32, (triangles, 3)),
+        "of_triangle": (np.uint32, (triangles,)),
+        "view_origin": (np.float32, (rows, 3)),
+        "view_normal": (np.float32, (rows, 3)),
+        "cell_origin": (np.float32, (samples * EACH, 3)),
+        "cell_normal": (np.float32, (samples * EACH, 3)),
+        "areas": (np.float64, (samples,)),
+        "weights": (np.float64, (columns,)),
+        "albedo": (np.float32, (samples, 3)),
+        "material": (np.uint16, (samples,)),
+    }
+    for name, (kind, shape) in shapes.items():
+        found = stored[name]
+        if found.dtype != kind or found.shape != shape or found.size > _LARGEST or not np.isfinite(found).all():
+            raise ValueError(f"expected {name} of shape {shape}, finite, found {found.dtype} {found.shape}")
+    if not ((stored["weights"] > 0).all() and (stored["albedo"] >= 0).all() and (stored["areas"] > 0).all()):
+        raise ValueError("expected weights and areas above 0, and albedos of at least 0")
+
+
+def _part(folder: Path, about: Mapping[str, Any], stored: Mapping[str, NDArray[Any]]) -> StudioPart:
+    """One material of a manifest."""
+    number = int(about["number"])
+    low, high = about["range"]
+    family = Family(about["model"], (low, high), live=int(about["live"]), segments=int(about["segments"]))
+    segments = tuple(Transport.open(folder / f"part-{number}-{k}") for k in range(family.segments))
+    rows = stored[f"rows_{number}"]
+    if rows.dtype != np.uint32 or rows.shape != (segments[0].shape[0],):
+        raise ValueError(f"expected the rows of {about['name']}, found {rows.dtype} {rows.shape}")
+    if any(segment._core.factors != family.live for segment in segments):
+        raise ValueError(f"expected {family.live} factors of {about['name']}")
+    return StudioPart(str(about["name"]), number, family, segments, rows, float(about["threshold"]))

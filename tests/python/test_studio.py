@@ -1,0 +1,338 @@
+"""Studios: products of stored matrices against dense rows, lamps, freezing, bounds, and what is refused."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import warnings
+
+import deltalux as dl
+import numpy as np
+import pytest
+from deltalux._core import GatherSamples, LitPoints
+
+GATHER, SIZE, GAMMA = 256, 20, 40.0
+LAMP = dl.PointLight((0.3, 1.7, 0.2), 4.0)
+SPOT = dl.Spot((-0.4, 1.8, 0.3), (0.2, 0.0, 0.0), (6.0, 5.0, 4.0), angle=40)
+PANEL = dl.AreaLight((-0.2, 1.95, -0.2), (0.4, 0, 0), (0, 0, 0.4), 8.0)
+
+
+def box():
+    scene = dl.Scene.builtin("studio-box")
+    return scene.with_camera(scene.camera.resized(SIZE, SIZE))
+
+
+def families():
+    return {
+        "floor": dl.Family("blinn-phong", (3, 300), live=5, segments=2),
+        "tall box": dl.Family("ward", (0.1, 1), live=4, segments=1),
+    }
+
+
+@pytest.fixture(scope="module")
+def transport(tmp_path_factory):
+    path = tmp_path_factory.mktemp("studio") / "box.studio"
+    return dl.precompute_studio(
+        box(), path, families=families(), gather=GATHER, bounces=3, quality="lossless", progress=False
+    )
+
+
+@pytest.fixture(scope="module")
+def coarse(tmp_path_factory):
+    """The same, truncated."""
+    path = tmp_path_factory.mktemp("studio") / "box.studio"
+    return dl.precompute_studio(
+        box(), path, families=families(), gather=GATHER, bounces=3, tolerance=0.03, progress=False
+    )
+
+
+@pytest.fixture(scope="module")
+def dense():
+    """What is stored, made again as plain matrices over the samples: D, M_s, and T at a gamma of the floor."""
+    scene = box()
+    core, camera = scene.traced(), scene.camera.rays()
+    rows = core.receivers(camera, edges=True)
+    glossy = np.isin(scene.material, [scene.numbered(name) for name in families()])
+    samples = GatherSamples.place(core, camera, glossy, GATHER)
+    eye = tuple(map(float, scene.camera.position))
+    numbers = list(range(len(rows)))
+    floor = np.flatnonzero(scene.material[rows.triangle] == scene.numbered("floor"))
+    family = families()["floor"]
+    return {
+        "samples": samples,
+        "D": samples.rows(rows, numbers, eye, None)[:, 0].astype(np.float64),
+        "T": np.einsum(
+            "k,nkg->ng",
+            family.coefficients(GAMMA),
+            samples.rows(rows, floor.tolist(), eye, (family._core, GAMMA)).astype(np.float64),
+        ),
+        "floor": floor,
+    }
+
+
+def lit(transport, *lamps, gamma=None, method=None, **look):
+    studio = dl.Studio(transport, method)
+    studio.set_lights(list(lamps))
+    if gamma is not None:
+        studio.edit("floor")
+        studio.set("floor", gamma=gamma, **look)
+    return studio
+
+
+def test_what_is_stored_is_what_samples_say(transport, dense):
+    """D L and sum_k c_k T_k L over the tree, against rows over the samples; M_s sums to at most 1."""
+    light = np.random.default_rng(1).random((len(dense["samples"]), 3))
+    V = transport.tree.forward(light)
+    np.testing.assert_allclose(transport.diffuse.multiply(V), dense["D"] @ light, rtol=2e-4, atol=2e-6)
+    part = transport.parts["floor"]
+    np.testing.assert_array_equal(part.rows, dense["floor"])
+    mix = np.tile(part.family.coefficients(GAMMA), (len(part.rows), 1))
+    segment = part.segments[int(np.searchsorted(part.family.borders[1:], GAMMA))]
+    wanted = dense["T"] @ light
+    np.testing.assert_allclose(segment.multiply(V, mix=mix), wanted, rtol=1e-3, atol=2e-4 * wanted.max())
+    sums = transport.bounces.multiply(transport.tree.forward(np.ones((len(light), 3))))
+    assert sums.min() >= 0 and sums.max() <= 1 + 1e-4
+
+
+def test_a_picture_is_direct_light_and_its_bounces(transport, dense):
+    """By the formula, from dense rows: what the lamp sends, two passes between samples, D and T."""
+    studio = lit(transport, SPOT, gamma=GAMMA, k_s=(0.3, 0.2, 0.1))
+    frame = studio.step()
+    (part,) = SPOT._parts
+    cells = LitPoints.of_cells(transport.scene, dense["samples"], 4)
+    arrived = cells.irradiance(part, cells.sights(part)).reshape(-1, 4, 3).mean(axis=1)
+    albedo = transport.albedo.astype(np.float64)
+    passing = light = albedo * arrived
+    for _ in range(2):
+        passing = albedo * transport.bounces.multiply(transport.tree.forward(passing))
+        light = light + passing
+    view, rows = transport.view, transport.parts["floor"].rows
+    sights = view.sights(part)
+    receivers = transport.diffuse.receivers
+    wanted = receivers.albedo * (view.irradiance(part, sights) + dense["D"] @ light)
+    lobe = dl.brdf.BlinnPhong(GAMMA).core()
+    eyes = np.ascontiguousarray(transport.eyes[rows])
+    wanted[rows] += np.array([0.3, 0.2, 0.1]) * (view.reflected(part, sights, rows, eyes, lobe) + dense["T"] @ light)
+    others = np.setdiff1d(
+        np.arange(len(wanted)), np.flatnonzero(receivers.material == transport.parts["tall box"].number)
+    )
+    np.testing.assert_allclose(frame.values[others], wanted[others], rtol=2e-3, atol=2e-4 * wanted.max())
+    assert frame.converged and frame.image.shape == (SIZE, SIZE, 3) and np.isfinite(frame.image).all()
+    assert frame.bound < 0.01 * wanted.max() and 0 < frame.residual < 0.02
+
+
+def test_edits_and_moves_leave_no_trace(coarse):
+    """Edit, light move, edit back and light back: the first picture, bit for bit; and under another method too."""
+    for method in (None, dl.Incremental(terms=20)):
+        studio = lit(coarse, LAMP, gamma=30.0, method=method)
+        first = studio.step().values
+        for gamma, lamp in [(100.0, LAMP), (100.0, SPOT), (4.0, SPOT), (30.0, LAMP)]:
+            studio.set("floor", gamma=gamma)
+            studio.set_lights([lamp])
+            frame = studio.step()
+        for _ in range(200):
+            if frame.converged:
+                break
+            frame = studio.step()
+        assert frame.converged
+        np.testing.assert_array_equal(frame.values, first)
+
+
+def test_frozen_is_live_to_its_bound_and_starts_from_live(coarse):
+    studio = lit(coarse, SPOT, gamma=GAMMA)
+    live = studio.step()
+    memory = studio.memory
+    assert memory.live == coarse.parts["floor"].segments[1].nbytes and memory.total == sum(memory)
+    studio.light_mode()
+    frozen = studio.step()
+    assert np.abs(frozen.values - live.values).max() <= frozen.bound + live.bound
+    assert studio.memory.live == 0 and studio.memory.frozen < memory.live
+    assert studio.memory.diffuse == coarse.diffuse.nbytes and studio.memory.bounces == coarse.bounces.nbytes
+    bits = studio._frozen["floor"][1]._core
+    studio.edit("floor")
+    studio.set("floor", gamma=100)
+    studio.light_mode()
+    studio.step()
+    studio.edit("floor")
+    studio.set("floor", gamma=GAMMA)
+    studio.light_mode()
+    studio.step()
+    again = studio._frozen["floor"][1]._core
+    assert again is not bits
+    np.testing.assert_array_equal(again.row(3), bits.row(3))
+    assert studio.freeze_seconds > 0
+
+
+@pytest.mark.parametrize("method", [None, dl.Incremental(terms=6), dl.PerBand(terms=6), dl.Nonlinear(terms=6)])
+def test_no_value_is_further_off_than_the_bound(transport, coarse, method):
+    """A lamp that sweeps, with few terms: against untruncated matrices and all of the light."""
+    exact, studio = lit(transport, LAMP), lit(coarse, LAMP, method=method)
+    for place in np.linspace(-0.6, 0.6, 5):
+        lamp = dl.PointLight((place, 1.6, 0.3), 4.0)
+        exact.set_lights([lamp])
+        studio.set_lights([lamp])
+        wanted, frame = exact.step(), studio.step()
+        assert np.abs(frame.values - wanted.values).max() <= frame.bound + wanted.bound
+        assert frame.bound < 10 * wanted.values.max()
+
+
+def test_lamps_add_up_and_those_that_stand_are_not_traced_again(coarse):
+    both = lit(coarse, LAMP, SPOT)
+    one, other = lit(coarse, LAMP).step(), lit(coarse, SPOT).step()
+    frame = both.step()
+    np.testing.assert_allclose(frame.values, one.values + other.values, rtol=1e-3, atol=1e-4)
+    stood = both._lit[LAMP][0]
+    both.set_lights([LAMP, dl.Spot((0.1, 1.8, 0.3), (0.2, 0.0, 0.0), 6.0, angle=40)])
+    both.step()
+    assert both._lit[LAMP][0] is stood
+    dark = lit(coarse, dl.PointLight((0, 1, 0), 0.0)).step()
+    assert not dark.values.any() and not lit(coarse).step().values.any()
+
+
+def test_area_lights_are_done_in_four_frames(coarse):
+    studio = lit(coarse, PANEL)
+    frames = [studio.step() for _ in range(4)]
+    assert [frame.converged for frame in frames] == [False, False, False, True]
+    assert np.abs(frames[0].values - frames[3].values).mean() < 0.2 * frames[3].values.mean()
+    # A small one sends straight down what a point of its radiance times its area does.
+    far = dl.AreaLight((-0.05, 1.95, -0.05), (0.1, 0, 0), (0, 0, 0.1), 800.0)
+    studio.set_lights([far])
+    for _ in range(4):
+        studio.step()
+    below = np.abs(coarse.diffuse.receivers.position - (0.0, 0.0, 0.0))
+    below = np.flatnonzero((below[:, 0] < 0.1) & (below[:, 1] < 0.1))
+    (lamp,) = dl.PointLight((0.0, 1.95, 0.0), 8.0)._parts
+    straight = coarse.view.irradiance(lamp, coarse.view.sights(lamp))[below]
+    assert straight.any()
+    spread = np.add.reduce([own.view for own in studio._lit[far]])[below]
+    # A cosine more, at the lamp.
+    assert (spread <= straight * 1.001).all() and spread.sum() > 0.7 * straight.sum()
+
+
+def test_an_environment_is_its_directions(coarse):
+    env = dl.Environment.builtin("hall")
+    studio = dl.Studio(coarse)
+    studio.set_lights([], env=env)
+    frame = studio.step()
+    assert frame.converged and frame.values.mean() > 0
+    studio.set_lights([])
+    assert not studio.step().values.any()
+
+
+def test_colours_and_weights_change_what_bounces(coarse):
+    studio = lit(coarse, LAMP, gamma=30.0)
+    before = studio.step().values
+    studio.set("floor", colour=(0.9, 0.05, 0.05), k_d=1.0, k_s=0.05)
+    after = studio.step().values
+    walls = np.setdiff1d(np.arange(len(before)), coarse.parts["floor"].rows)
+    # Red bleeds onto what is not the floor.
+    assert after[walls, 0].sum() / before[walls, 0].sum() > after[walls, 2].sum() / before[walls, 2].sum()
+    with pytest.warns(UserWarning, match="k_d \\+ k_s is above 1"):
+        studio.set("floor", k_s=0.9)
+
+
+def test_gamma_crosses_a_border_without_a_jump(coarse):
+    border = coarse.parts["floor"].family.borders[1]
+    studio = lit(coarse, LAMP, gamma=border)
+    below = studio.step()
+    studio.set("floor", gamma=border * (1 + 1e-9))
+    above = studio.step()
+    assert np.abs(above.values - below.values).max() <= above.bound + below.bound
+    assert np.abs(above.values - below.values).mean() < 0.02 * below.values.mean()
+
+
+def test_runs_resume_and_files_are_opened(coarse, tmp_path):
+    path = tmp_path / "again.studio"
+    asked = {"families": families(), "gather": GATHER, "bounces": 3, "tolerance": 0.03}
+
+    class Stop(Exception):
+        pass
+
+    def stop(done, total):
+        if done > 0.6 * total:
+            raise Stop
+
+    with pytest.raises(Stop):
+        dl.precompute_studio(box(), path, progress=stop, **asked)
+    finished = {own.name: own.stat().st_mtime_ns for own in path.iterdir() if own.is_dir() and own.suffix == ""}
+    assert "diffuse" in finished and not (path / "studio.json").exists()
+    made = dl.precompute_studio(box(), path, progress=False, **asked)
+    assert made.path.joinpath("diffuse").stat().st_mtime_ns == finished["diffuse"]
+    opened = dl.StudioTransport.open(path)
+    for own in (made, opened):
+        np.testing.assert_array_equal(lit(own, SPOT).step().values, lit(coarse, SPOT).step().values)
+    with pytest.raises(dl.FileError, match="expected a transport of a studio, got none"):
+        dl.StudioTransport.open(tmp_path)
+    with pytest.raises(dl.FileError, match="got a transport of light"):
+        dl.StudioTransport.open(path / "diffuse")
+    with pytest.raises(dl.FileError, match="expected a transport of curves"):
+        dl.CurveTransport.open(path)
+    about = json.loads((path / "studio.json").read_text())
+    for change in ({"version": 9}, {"passes": -1}, {"parts": [{}]}):
+        (path / "studio.json").write_text(json.dumps(about | change))
+        with pytest.raises(dl.FileError):
+            dl.StudioTransport.open(path)
+    shutil.rmtree(path)
+
+
+def test_bad_requests(coarse, tmp_path):
+    scene, path, floor = box(), tmp_path / "a", families()["floor"]
+    glossy = scene.with_material("floor", dl.Material(albedo=0.5, specular=0.3, model=dl.brdf.Phong(exponent=20)))
+    for given, options, what in [
+        (scene, {"families": {"sea": floor}}, "sea"),
+        (scene, {"families": {"floor": 3}}, "dl.Family"),
+        (glossy, {"families": {}}, "family for every glossy"),
+        (scene, {"families": {}, "gather": 10}, "64 to"),
+        (scene, {"families": {}, "bounces": 0}, "1 to 16 bounces"),
+        (scene, {"families": {}, "quality": "best"}, "quality"),
+        (scene, {"families": {}, "tolerance": 2.0}, "tolerance"),
+    ]:
+        with pytest.raises(ValueError, match=what):
+            dl.precompute_studio(given, path, progress=False, **options)
+    assert not path.exists()
+    path.write_text("mine")
+    with pytest.raises(FileExistsError):
+        dl.precompute_studio(scene, path, families={}, progress=False)
+    studio = dl.Studio(coarse)
+    for call, what in [
+        (lambda: studio.set("floor", gamma=10), "call edit"),
+        (lambda: studio.set("sea", k_d=1), "floor, tall box"),
+        (lambda: studio.edit("sea"), "floor, tall box"),
+        (lambda: studio.set("floor", k_d=-1), "0 or more"),
+        (lambda: studio.set("floor", k_s=np.nan), "finite"),
+        (lambda: studio.set_lights([3]), "lamps such as"),
+        (lambda: studio.set_lights([], env=3), "dl.Environment"),
+        (lambda: dl.Studio(3), "precompute_studio"),
+        (lambda: dl.Studio(coarse, "bi"), "update method"),
+        (lambda: dl.PointLight((0, 0), 1), "a point"),
+        (lambda: dl.PointLight((0, 0, np.inf), 1), "finite"),
+        (lambda: dl.PointLight((0, 0, 0), -1), ">= 0"),
+        (lambda: dl.Spot((0, 0, 0), (0, 0, 0)), "one place"),
+        (lambda: dl.Spot((0, 0, 0), (0, 1, 0), angle=120), "angle"),
+        (lambda: dl.Spot((0, 0, 0), (0, 1, 0), blend=2), "blend"),
+        (lambda: dl.AreaLight((0, 0, 0), (1, 0, 0), (2, 0, 0)), "u x v"),
+    ]:
+        with pytest.raises(ValueError, match=what):
+            call()
+    studio.edit("floor")
+    for gamma in (2.9, 301, np.nan):
+        with pytest.raises(ValueError, match="gamma of floor from 3 to 300"):
+            studio.set("floor", gamma=gamma)
+    assert studio.looks["floor"].gamma == 3
+
+
+def test_every_draw_of_parameters_is_finite(coarse):
+    rng = np.random.default_rng(5)
+    studio = dl.Studio(coarse)
+    studio.edit("floor")
+    # Outside of the box and inside its walls too.
+    low, high = np.full(3, -1.2), np.full(3, 2.2)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for _ in range(12):
+            studio.set(
+                "floor", gamma=float(np.exp(rng.uniform(np.log(3), np.log(300)))), k_s=rng.random(3), k_d=rng.random()
+            )
+            studio.set_lights([dl.PointLight(rng.uniform(low, high), rng.random(3) * 10)])
+            frame = studio.step()
+            assert np.isfinite(frame.values).all() and np.isfinite(frame.bound)
