@@ -62,6 +62,11 @@ __all__ = [
     "FAMILIES",
     "Family",
     "GatherSamples",
+    "GatherPass",
+    "Lamp",
+    "LitPoints",
+    "SampleTree",
+    "Sights",
     "gather_lobe_hits",
     "points_seen_from",
     "MERL",
@@ -784,12 +789,14 @@ class GatherSamples:
         progress: _Progress = None,
     ) -> NDArray[np.float64]: ...
 
+@final
 class SampleTree:
     def __new__(cls, areas: NDArray[np.float64]) -> SampleTree: ...
     @property
     def columns(self) -> str: ...
     def forward(self, light: NDArray[np.float64]) -> NDArray[np.float64]: ...
 
+@final
 class GatherPass:
     def __new__(
         cls, samples: GatherSamples, rows: tuple[Receivers, tuple[float, float, float]] | None, through: list[_Through]
@@ -821,6 +828,7 @@ class GatherPass:
         progress: _Progress = None,
     ) -> list[TileData]: ...
 
+@final
 class Lamp:
     def __new__(
         cls,
@@ -829,14 +837,16 @@ class Lamp:
         *,
         far: bool = False,
         beam: str = "even",
-        axis: tuple[float, float, float] = (0.0, 0.0, 1.0),
-        cosines: tuple[float, float] = (1.0, 1.0),
+        axis: tuple[float, float, float] = ...,
+        cosines: tuple[float, float] = ...,
     ) -> Lamp: ...
 
+@final
 class Sights:
     @property
     def nbytes(self) -> int: ...
 
+@final
 class LitPoints:
     @staticmethod
     def of_rows(scene: Scene, rows: Receivers) -> LitPoints: ...

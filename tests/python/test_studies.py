@@ -25,7 +25,7 @@ from deltalux.studies.coherence.reset_raster import rasters
 from deltalux.studies.factored import findings as factor_findings
 from deltalux.studies.interreflection import furnace_pages, furnaces
 from deltalux.studies.pictures import cross
-from deltalux.studies.reflectance import family_findings, gather
+from deltalux.studies.reflectance import family_findings, freezing_findings, gather
 from deltalux.update.methods import Full, Incremental, Nonlinear, PerBand
 from hypothesis import given
 from hypothesis import strategies as st
@@ -60,6 +60,8 @@ def few_furnaces(monkeypatch):
     monkeypatch.setattr(gather, "_COUNTS", (256,))
     monkeypatch.setattr(gather, "_SHOWN", 256)
     monkeypatch.setattr(gather, "_SIDE", 8)
+    for name, value in {"GATHER": 128, "FRAMES": 3, "TERMS": (6,), "REPEATS": 1}.items():
+        monkeypatch.setattr(freezing_findings, name, value)
 
 
 def corner():

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -26,6 +26,8 @@ METHODS: dict[str, type[Method]] = {"NWA": Nonlinear, "BI": Incremental, "PBI": 
 SWEEPS = {"a tenth of the path": 0.1, "three tenths": 0.3, "all of it": 1.0}
 LOOKS = (3.0, 100.0, 300.0)
 GATHER, TOLERANCE, FRAMES, TERMS, REPEATS = 4096, 0.01, 24, (100, 300), 5
+_PREFERRED = ("floor", "tall box", "short box", "table", "vase", "ball", "hare", "dragon", "stool")
+"""Materials that are edited where a scene has them."""
 _FAMILIES = (("blinn-phong", (3.0, 300.0)), ("ward", (0.1, 1.0)), ("cook-torrance", (0.1, 1.0)))
 
 
@@ -71,7 +73,8 @@ def found_of(scene: Scene, path: Path, progress: Progress) -> Findings:
     """Makes the studio of a scene and measures it."""
     steps = 2 + len(SWEEPS)
     progress(0, steps)
-    objects = [name for name in scene.names if "box" in name or name in ("floor", "table", "vase", "ball")][:3]
+    scene = replace(scene, names=tuple(name or f"material {k}" for k, name in enumerate(_names(scene))))
+    objects = sorted(scene.names, key=lambda name: name not in _PREFERRED)[: len(_FAMILIES)]
     families = {name: Family(model, ends, error=0.005) for name, (model, ends) in zip(objects, _FAMILIES, strict=False)}
     made = precompute_studio(
         scene, path, families=families, gather=GATHER, bounces=2, tolerance=TOLERANCE, progress=False
@@ -98,6 +101,11 @@ def found_of(scene: Scene, path: Path, progress: Progress) -> Findings:
         errors=errors,
         times=times,
     )
+
+
+def _names(scene: Scene) -> tuple[str, ...]:
+    """Of all materials, empty where one has none."""
+    return scene.names or ("",) * len(scene.albedo)
 
 
 class _Stage:
