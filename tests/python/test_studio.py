@@ -111,7 +111,7 @@ def test_a_picture_is_direct_light_and_its_bounces(transport, dense):
     receivers = transport.diffuse.receivers
     wanted = receivers.albedo * (view.irradiance(part, sights) + dense["D"] @ light)
     lobe = dl.brdf.BlinnPhong(GAMMA).core()
-    eyes = np.ascontiguousarray(transport.eyes[rows])
+    eyes = transport.eyes_of(transport.parts["floor"])
     wanted[rows] += np.array([0.3, 0.2, 0.1]) * (view.reflected(part, sights, rows, eyes, lobe) + dense["T"] @ light)
     others = np.setdiff1d(
         np.arange(len(wanted)), np.flatnonzero(receivers.material == transport.parts["tall box"].number)
@@ -181,10 +181,10 @@ def test_lamps_add_up_and_those_that_stand_are_not_traced_again(coarse):
     one, other = lit(coarse, LAMP).step(), lit(coarse, SPOT).step()
     frame = both.step()
     np.testing.assert_allclose(frame.values, one.values + other.values, rtol=1e-3, atol=1e-4)
-    stood = both._lit[LAMP][0]
+    stood = both._lighting._lit[LAMP][0]
     both.set_lights([LAMP, dl.Spot((0.1, 1.8, 0.3), (0.2, 0.0, 0.0), 6.0, angle=40)])
     both.step()
-    assert both._lit[LAMP][0] is stood
+    assert both._lighting._lit[LAMP][0] is stood
     dark = lit(coarse, dl.PointLight((0, 1, 0), 0.0)).step()
     assert not dark.values.any() and not lit(coarse).step().values.any()
 
@@ -204,7 +204,7 @@ def test_area_lights_are_done_in_four_frames(coarse):
     (lamp,) = dl.PointLight((0.0, 1.95, 0.0), 8.0)._parts
     straight = coarse.view.irradiance(lamp, coarse.view.sights(lamp))[below]
     assert straight.any()
-    spread = np.add.reduce([own.view for own in studio._lit[far]])[below]
+    spread = np.add.reduce([own.view for own in studio._lighting._lit[far]])[below]
     # A cosine more, at the lamp.
     assert (spread <= straight * 1.001).all() and spread.sum() > 0.7 * straight.sum()
 

@@ -12,30 +12,27 @@ import time
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._core import Behind, Sights
-from .._core import Lamp as CoreLamp
-from .._core import Transport as CoreTransport
+from .._core import Behind
 from ..checks import Vector, as_vector
 from ..light.environment import Environment
-from ..light.lamps import Lamp, far_lamps
-from ..relight.relighter import Frame, Relighter
-from ..transport.studio import EACH, StudioPart, StudioTransport
+from ..light.lamps import Lamp
+from ..relight.relighter import Frame
+from ..transport.studio import StudioPart, StudioTransport
 from ..transport.transport import Transport
 from ..update.methods import Full, Method
+from .follower import Follower
+from .lighting import Colours, Kept, Lighting, Sources
 
 __all__ = ["Memory", "Studio", "StudioFrame"]
 
-_DIRECTIONS = 256
-"""That an environment is taken apart into."""
 _SHINE = 0.3
 """k_s at the start."""
-Colours = NDArray[np.float64]
 
 
 class Memory(NamedTuple):
@@ -83,8 +80,6 @@ class StudioFrame:
         No value is further off than this from what untruncated matrices give for the light as it has been traced: by
         light that is not sent yet, by truncation, and by rounding. What gather samples and families are off by
         themselves is no part of it.
-    residual
-        How far the family of the material that is edited is off its model at this gamma, relative to the lobe's peak.
     converged
         Whether all lamps have been traced in full, and all light has been sent.
     """
@@ -95,10 +90,10 @@ class StudioFrame:
     solved: float
     sent: float
     bound: float
-    residual: float
     converged: bool
     _transport: StudioTransport = field(repr=False)
     _env: Environment | None = field(repr=False)
+    _live: tuple[StudioPart, float] | None = field(repr=False)
 
     @cached_property
     def image(self) -> NDArray[np.float32]:
@@ -109,46 +104,14 @@ class StudioFrame:
             self._env._behind(Behind(pixels.background, self._transport.camera.directions()), picture)
         return picture
 
-
-@dataclass(eq=False)
-class _Lit:
-    """A part of a lamp as it has been traced."""
-
-    lamp: CoreLamp
-    sights: Sights
-    view: Colours
-    """Irradiance over pi of the rows of the view."""
-    samples: Colours
-    """The same of the samples."""
-    reflected: dict[str, tuple[float, Colours]] = field(default_factory=dict)
-    """Of each material its gamma, and what its rows send on of this part."""
-
-
-_Sources = list[tuple[tuple[CoreLamp, ...], list[_Lit]]]
-"""The parts of every lamp, and what of them has been traced."""
-
-
-class _Follower:
-    """One matrix and its follower; the frame that it is at."""
-
-    def __init__(self, transport: Transport, method: Method, mix: NDArray[np.float64] | None = None) -> None:
-        rows = transport.shape[0]
-        self.transport, self._mix = transport, mix
-        weights = None if mix is None else np.tile(mix, (rows, 1))
-        self._relighter = Relighter(transport, method, mix=weights, steady=True)
-        self.frame: Frame | None = None
-        self._light: Colours | None = None
-
-    def follow(self, light: Colours) -> None:
-        """Towards the light; what has arrived costs nothing."""
-        if self.frame is None or not self.frame.converged or self._light is not light:
-            self.frame, self._light = self._relighter.step(light), light
-
-    def mix(self, numbers: NDArray[np.float64]) -> None:
-        """Another mix of the same responses."""
-        if self._mix is not None and not np.array_equal(numbers, self._mix):
-            self._mix = numbers
-            self.frame = self._relighter.mix(np.tile(numbers, (self.transport.shape[0], 1)))
+    @cached_property
+    def residual(self) -> float:
+        """How far the family of the material that is edited is off its model at this gamma, relative to the lobe's
+        peak; 0 in lighting mode."""
+        if self._live is None:
+            return 0.0
+        part, gamma = self._live
+        return part.family.errors_at([gamma])[0].peak
 
 
 class Studio:
@@ -189,13 +152,11 @@ class Studio:
         for part in transport.parts.values():
             self._looks[part.number] = Look((1.0,) * 3, None, (_SHINE,) * 3, part.family.range[0])
         self._live: str | None = None
-        self._lamps: list[Lamp] = []
-        self._env: Environment | None = None
-        self._lit: dict[Any, list[_Lit]] = {}
+        self._lighting = Lighting(transport)
         self._frozen: dict[str, tuple[float, Transport]] = {}
-        self._followers: dict[str, tuple[Any, _Follower]] = {}
-        self._diffuse = _Follower(transport.diffuse, self.method)
-        self._light: tuple[Any, Colours, float] | None = None
+        self._followers: dict[str, tuple[Any, Follower]] = {}
+        self._light = Kept[tuple[Colours, float]]()
+        self._rho, self._still = Kept[Colours](), Kept[NDArray[np.float32]]()
         self.freeze_seconds = 0.0
         """That the last freezing took."""
 
@@ -294,7 +255,7 @@ class Studio:
             raise ValueError(f"expected lamps such as dl.PointLight((0, 2, 0), 30), got {wrong[0]!r}")
         if env is not None and not isinstance(env, Environment):
             raise ValueError(f"expected the environment as a dl.Environment, got {env!r}")
-        self._lamps, self._env = list(lamps), env
+        self._lighting.set(lamps, env)
 
     def step(self) -> StudioFrame:
         """One frame of the studio as it has been set.
@@ -310,14 +271,13 @@ class Studio:
             If the lamps together are brighter than numbers can hold.
         """
         began = time.perf_counter()
-        sources = self._traced()
+        sources = self._lighting.traced()
         traced = time.perf_counter()
         light, unsure = self._light_of_samples(sources)
         solved = time.perf_counter()
         values, bound, followed = self._shown(sources, light, unsure)
         done = time.perf_counter()
         live = None if self._live is None else self._part(self._live)
-        gamma = None if live is None else self._looks[live.number].gamma
         return StudioFrame(
             values=values,
             seconds=done - began,
@@ -325,35 +285,17 @@ class Studio:
             solved=solved - traced,
             sent=done - solved,
             bound=bound,
-            residual=0.0 if live is None or gamma is None else live.family.errors_at([gamma])[0].peak,
-            converged=followed and all(len(lit) == len(parts) for parts, lit in sources),
+            converged=followed and sources.done,
             _transport=self.transport,
-            _env=self._env,
+            _env=self._lighting.env,
+            _live=None if live is None else (live, self._gamma(live)),
         )
 
-    def _traced(self) -> _Sources:
-        """The parts of all lamps, and what of them has been traced: one part more of each that is not done."""
-        keys: list[Any] = [*self._lamps]
-        parts = [lamp._parts for lamp in self._lamps]
-        if self._env is not None:
-            # An environment is known by itself: what is drawn from it never changes.
-            keys.append(self._env)
-            known = self._lit.get(self._env)
-            parts.append(far_lamps(self._env, _DIRECTIONS) if known is None else tuple(own.lamp for own in known))
-        self._lit = {key: self._lit.get(key, []) for key in keys}
-        found = []
-        for key, own in zip(keys, parts, strict=True):
-            lit = self._lit[key]
-            if len(lit) < len(own):
-                lit.append(self._lit_by(own[len(lit)]))
-            found.append((own, list(lit)))
-        return found
+    def _gamma(self, part: StudioPart) -> float:
+        return float(self._looks[part.number].gamma or 0.0)
 
-    def _lit_by(self, lamp: CoreLamp) -> _Lit:
-        view, cells = self.transport.view, self.transport.cells
-        sights = view.sights(lamp)
-        samples = cells.irradiance(lamp, cells.sights(lamp)).reshape(-1, EACH, 3).mean(axis=1)
-        return _Lit(lamp, sights, view.irradiance(lamp, sights), samples)
+    def _diffuse_looks(self) -> tuple[Any, ...]:
+        return tuple((look.k_d, look.colour) for look in self._looks.values())
 
     def _reflectance(self, albedo: NDArray[np.float32], material: NDArray[np.uint16]) -> Colours:
         """Diffuse reflectances under the looks of materials."""
@@ -365,62 +307,66 @@ class Studio:
             found[own] *= look.k_d
         return found
 
-    def _light_of_samples(self, sources: _Sources) -> tuple[Colours, float]:
+    def _light_of_samples(self, sources: Sources) -> tuple[Colours, float]:
         """L over the tree, and how far it may be from that of untruncated bounces."""
-        transport = self.transport
-        looks = tuple((look.k_d, look.colour) for look in self._looks.values())
-        key = (tuple(id(own) for _, lit in sources for own in lit), looks)
-        if self._light is not None and self._light[0] == key:
-            return self._light[1], self._light[2]
-        rho = self._reflectance(transport.albedo, transport.material)
-        passing = rho * _sum(sources, lambda own: own.samples, rho.shape)
+        return self._light.made((sources, self._diffuse_looks()), lambda: self._solved(sources))
+
+    def _solved(self, sources: Sources) -> tuple[Colours, float]:
+        transport, (kept, lost) = self.transport, self._norms
+        rho, areas = self._reflectance(transport.albedo, transport.material), transport.areas
+        passing = rho * self._lighting.samples(sources)
         whole, off, unsure = passing.copy(), np.zeros(len(rho)), np.zeros(len(rho))
-        kept, lost = self._norms
         for _ in range(transport.passes):
             V = transport.tree.forward(passing)
             passing = rho * transport.bounces.multiply(V)
             # No sum of a row and light is larger than their norms make it: of what is off, and of what the row lost.
-            length = np.sqrt((transport._arrays["areas"] * off**2).sum())
+            length = np.sqrt((areas * off**2).sum())
             off = rho.max(axis=1) * (kept * length + lost * np.sqrt((V**2).sum(axis=0).max()))
             whole, unsure = whole + passing, unsure + off
-        light = transport.tree.forward(whole)
-        self._light = (key, light, float(np.sqrt((transport._arrays["areas"] * unsure**2).sum())))
-        return self._light[1], self._light[2]
+        return transport.tree.forward(whole), float(np.sqrt((areas * unsure**2).sum()))
 
     @cached_property
     def _norms(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Of the rows of M_s: their norms, and those of what they lost."""
         core = self.transport.bounces._core
-        return tuple(np.sqrt((own.astype(np.float64) ** 2).sum(axis=1)) for own in (core.kept(), core.dropped()))
+        kept, lost = (np.sqrt((own.astype(np.float64) ** 2).sum(axis=1)) for own in (core.kept(), core.dropped()))
+        return kept, lost
 
-    def _shown(self, sources: _Sources, light: Colours, unsure: float) -> tuple[NDArray[np.float32], float, bool]:
-        """What rows send to the eye; how far it may be off; whether all light has been sent."""
-        transport = self.transport
-        receivers = transport.diffuse.receivers
+    def _view_reflectance(self) -> Colours:
+        receivers = self.transport.diffuse.receivers
         assert receivers.material is not None
-        rho = self._reflectance(receivers.albedo, receivers.material)
-        values = self._direct(sources, rho)
-        self._diffuse.follow(light)
-        assert self._diffuse.frame is not None
-        values += rho * self._diffuse.frame.values
-        largest = _largest_row(transport.diffuse._core)
-        bound = float(rho.max(initial=0.0)) * (self._diffuse.frame.bound + largest * unsure)
-        converged, added = self._diffuse.frame.converged, 0.0
-        for name, part in transport.parts.items():
-            follower, look = self._follower(name, light), self._looks[part.number]
-            assert follower.frame is not None
-            values[part.rows] += np.asarray(look.k_s) * follower.frame.values
-            converged &= follower.frame.converged
-            added = max(added, max(look.k_s) * (follower.frame.bound + self._largest(follower) * unsure))
-        return values.astype(np.float32), bound + added, converged
+        material = receivers.material
+        return self._rho.made(self._diffuse_looks(), lambda: self._reflectance(receivers.albedo, material))
 
-    def _direct(self, sources: _Sources, rho: Colours) -> Colours:
-        """What lamps send rows and rows send on."""
-        values = rho * _sum(sources, lambda own: own.view, rho.shape)
-        for part in self.transport.parts.values():
-            k_s, shape = np.asarray(self._looks[part.number].k_s), (len(part.rows), 3)
-            values[part.rows] += k_s * _sum(sources, partial(self._reflected, part), shape)
-        return values
+    def _shown(self, sources: Sources, light: Colours, unsure: float) -> tuple[NDArray[np.float32], float, bool]:
+        """What rows send to the eye; how far it may be off; whether all light has been sent."""
+        rho, diffuse = self._view_reflectance(), self._diffuse(light)
+        followers = {name: self._follower(name, light) for name in self.transport.parts}
+        still = {name: follower.frame for name, follower in followers.items() if name != self._live}
+        looks = tuple(self._looks[self._part(name).number] for name in still)
+
+        def all_that_stands() -> NDArray[np.float32]:
+            """Diffuse light, and the lobes of all materials that are not edited."""
+            values = rho * (self._lighting.view(sources) + diffuse.frame.values)
+            for name, frame in still.items():
+                self._add_lobe(values, sources, self._part(name), frame)
+            return values.astype(np.float32)
+
+        of = (sources, diffuse.frame, self._diffuse_looks(), tuple(still.values()), looks)
+        values = self._still.made(of, all_that_stands).copy()
+        if self._live is not None:
+            self._add_lobe(values, sources, self._part(self._live), followers[self._live].frame)
+        shine = {name: max(self._looks[self._part(name).number].k_s) for name in followers}
+        bounds = [shine[name] * _bound(follower, unsure) for name, follower in followers.items()]
+        bound = float(rho.max(initial=0.0)) * _bound(diffuse, unsure) + max(bounds, default=0.0)
+        return values, bound, all(own.frame.converged for own in (diffuse, *followers.values()))
+
+    def _add_lobe(self, values: NDArray[Any], sources: Sources, part: StudioPart, frame: Frame | None) -> None:
+        """Adds what the lobe of a material sends to the eye: of lamps, and where there is a frame, of surfaces."""
+        lobe = self._lighting.reflected(sources, part, self._gamma(part))
+        if frame is not None:
+            lobe += frame.values
+        values[part.rows] += np.asarray(self._looks[part.number].k_s) * lobe
 
     def direct(self) -> NDArray[np.float32]:
         """What rows send to the eye of the lamps' own light, as far as it has been traced.
@@ -429,49 +375,34 @@ class Studio:
         -------
         (rows, 3) float32
         """
-        receivers = self.transport.diffuse.receivers
-        assert receivers.material is not None
-        rho = self._reflectance(receivers.albedo, receivers.material)
-        return self._direct(self._traced(), rho).astype(np.float32)
+        sources = self._lighting.traced()
+        values = self._view_reflectance() * self._lighting.view(sources)
+        for part in self.transport.parts.values():
+            self._add_lobe(values, sources, part, None)
+        return values.astype(np.float32)
 
-    def _largest(self, follower: _Follower) -> float:
-        """The norm of the longest row of what a material shows of light, whatever its mix."""
-        core = follower.transport._core
-        if core.factors == 1:
-            return _largest_row(core)
-        mix = np.abs(follower._mix) if follower._mix is not None else np.ones(core.factors)
-        return float(core.error_factors(np.tile(mix, (core.rows, 1)).astype(np.float32)).sum())
-
-    def _reflected(self, part: StudioPart, own: _Lit) -> Colours:
-        """What a material's rows reflect of a part of a lamp, by the model itself."""
-        gamma = self._looks[part.number].gamma
-        known = own.reflected.get(part.name)
-        if known is None or known[0] != gamma:
-            eyes = np.ascontiguousarray(self.transport.eyes[part.rows])
-            view, lobe = self.transport.view, (part.family._core, float(gamma or 0.0))
-            known = (float(gamma or 0.0), view.reflected(own.lamp, own.sights, part.rows, eyes, lobe))
-            own.reflected[part.name] = known
+    def _diffuse(self, light: Colours) -> Follower:
+        """The follower of D, at the light."""
+        known = self._followers.get("")
+        if known is None:
+            known = self._followers[""] = (None, Follower(self.transport.diffuse, self.method, light))
+        known[1].follow(light)
         return known[1]
 
-    def _follower(self, name: str, light: Colours) -> _Follower:
+    def _follower(self, name: str, light: Colours) -> Follower:
         """The follower of a material's T, live or frozen, at the light and at its gamma."""
         part = self._part(name)
-        gamma = float(self._looks[part.number].gamma or 0.0)
-        live = self._live == name
+        gamma, live = self._gamma(part), self._live == name
+        mix = part.family.coefficients(gamma) if live else None
         key = ("live", self._segment(part, gamma)) if live else ("frozen", gamma)
         known = self._followers.get(name)
         if known is None or known[0] != key:
-            if live:
-                transport = part.segments[self._segment(part, gamma)]
-                known = (key, _Follower(transport, self.method, part.family.coefficients(gamma)))
-            else:
-                known = (key, _Follower(self._freeze(part, gamma), self.method))
-            self._followers[name] = known
-        follower = known[1]
-        follower.follow(light)
-        if live:
-            follower.mix(part.family.coefficients(gamma))
-        return follower
+            transport = part.segments[self._segment(part, gamma)] if live else self._freeze(part, gamma)
+            known = self._followers[name] = (key, Follower(transport, self.method, light, mix))
+        known[1].follow(light)
+        if mix is not None:
+            known[1].mix(mix)
+        return known[1]
 
     def _segment(self, part: StudioPart, gamma: float) -> int:
         return int(np.searchsorted(part.family.borders[1:], gamma))
@@ -494,7 +425,7 @@ class Studio:
         """Bytes of the matrices that the next frame works with."""
         live = frozen = 0
         for name, part in self.transport.parts.items():
-            gamma = float(self._looks[part.number].gamma or 0.0)
+            gamma = self._gamma(part)
             if name == self._live:
                 live = part.segments[self._segment(part, gamma)].nbytes
             else:
@@ -507,18 +438,9 @@ class Studio:
         return {name: self._looks[part.number] for name, part in self.transport.parts.items()}
 
 
-def _sum(sources: _Sources, of: Any, shape: tuple[int, ...]) -> Colours:
-    """Over all lamps, in their order; what is not traced yet of one is taken to be as what is."""
-    total = np.zeros(shape)
-    for parts, lit in sources:
-        if lit:
-            total += len(parts) / len(lit) * np.add.reduce([of(own) for own in lit])
-    return total
-
-
-def _largest_row(core: CoreTransport) -> float:
-    """The norm of the longest row."""
-    return float(np.sqrt((core.kept().astype(np.float64) ** 2).sum(axis=1).max(initial=0.0)))
+def _bound(follower: Follower, unsure: float) -> float:
+    """How far what a follower shows may be off, where its light may be off by so much."""
+    return follower.frame.bound + follower.longest * unsure
 
 
 def _colour(name: str, value: ArrayLike) -> Vector:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -105,7 +105,8 @@ class StudioTransport:
     albedo: NDArray[np.float32]
     material: NDArray[np.uint16]
     seconds: float
-    _arrays: Mapping[str, NDArray[Any]]
+    _arrays: Mapping[str, NDArray[Any]] = field(repr=False)
+    _eyes: dict[str, NDArray[np.float32]] = field(default_factory=dict, repr=False)
 
     @property
     def nbytes(self) -> int:
@@ -132,11 +133,27 @@ class StudioTransport:
         """The wavelets over the samples."""
         return SampleTree(self._arrays["areas"])
 
-    @cached_property
-    def eyes(self) -> NDArray[np.float32]:
-        """Unit vectors from the rows of the view to the camera, (rows, 3)."""
-        way = np.asarray(self.camera.position) - self.diffuse.receivers.position
-        return np.asarray(way / np.linalg.norm(way, axis=1, keepdims=True), np.float32)
+    def eyes_of(self, part: StudioPart) -> NDArray[np.float32]:
+        """Unit vectors to the camera from the rows of a material.
+
+        Parameters
+        ----------
+        part
+            The material.
+
+        Returns
+        -------
+        (n, 3) float32
+        """
+        if part.name not in self._eyes:
+            way = np.asarray(self.camera.position) - self.diffuse.receivers.position[part.rows]
+            self._eyes[part.name] = np.asarray(way / np.linalg.norm(way, axis=1, keepdims=True), np.float32)
+        return self._eyes[part.name]
+
+    @property
+    def areas(self) -> NDArray[np.float64]:
+        """Of what samples stand for, in units of the tree: (samples,)."""
+        return self._arrays["areas"]
 
     @staticmethod
     def open(path: str | os.PathLike[str]) -> StudioTransport:

@@ -1,0 +1,145 @@
+"""Lamps over a studio's transport: what has been traced of each, and the light that arrives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, Generic, NamedTuple, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .._core import Lamp as CoreLamp
+from .._core import Sights
+from ..light.environment import Environment
+from ..light.lamps import Lamp, far_lamps
+from ..transport.studio import EACH, StudioPart, StudioTransport
+
+__all__ = ["Colours", "Kept", "Lighting", "Sources"]
+
+_DIRECTIONS = 256
+"""That an environment is taken apart into."""
+Colours = NDArray[np.float64]
+Value = TypeVar("Value")
+
+
+class Kept(Generic[Value]):
+    """What was made last, and what it was made of."""
+
+    def __init__(self) -> None:
+        self._of: Any = None
+        self._value: Value | None = None
+
+    def made(self, of: Any, make: Callable[[], Value]) -> Value:
+        """The value; made anew where it was made of something else."""
+        if self._value is None or self._of != of:
+            self._value, self._of = make(), of
+        return self._value
+
+
+@dataclass(eq=False)
+class Lit:
+    """A part of a lamp as it has been traced."""
+
+    lamp: CoreLamp
+    sights: Sights
+    view: Colours
+    """Irradiance over pi of the rows of the view."""
+    samples: Colours
+    """The same of the samples."""
+    reflected: dict[str, tuple[float, Colours]] = field(default_factory=dict)
+    """Of each material its gamma, and what its rows send on of this part."""
+
+
+class Sources(NamedTuple):
+    """What shines, as far as it has been traced."""
+
+    parts: tuple[tuple[float, Lit], ...]
+    """Each with what it stands for: of a lamp that is half done, its parts stand for twice themselves."""
+    done: bool
+
+    def total(self, of: Callable[[Lit], Colours], shape: tuple[int, ...]) -> Colours:
+        """The sum over all parts, in their order."""
+        total = np.zeros(shape)
+        for weight, lit in self.parts:
+            total += weight * of(lit)
+        return total
+
+
+class Lighting:
+    """Lamps, traced part by part and frame by frame.
+
+    Parameters
+    ----------
+    transport
+        Over whose rows and samples they shine.
+    """
+
+    def __init__(self, transport: StudioTransport) -> None:
+        self.transport = transport
+        self._lamps: Sequence[Lamp] = ()
+        self._env: Environment | None = None
+        self._parts: dict[Any, tuple[CoreLamp, ...]] = {}
+        self._lit: dict[Any, list[Lit]] = {}
+        self._view, self._samples = Kept[Colours](), Kept[Colours]()
+
+    @property
+    def env(self) -> Environment | None:
+        """What lies around the scene."""
+        return self._env
+
+    def set(self, lamps: Sequence[Lamp], env: Environment | None) -> None:
+        """Other lamps; what is known of those that stay is kept.
+
+        Parameters
+        ----------
+        lamps, env
+            As of `Studio.set_lights`, which checks them.
+        """
+        self._lamps, self._env = tuple(lamps), env
+        parts = {lamp: lamp._parts for lamp in lamps}
+        around = {} if env is None else {env: self._parts.get(env) or far_lamps(env, _DIRECTIONS)}
+        self._parts = {**parts, **around}
+        self._lit = {key: self._lit.get(key, []) for key in self._parts}
+
+    def traced(self) -> Sources:
+        """Traces a part more of each lamp that is not done."""
+        for key, parts in self._parts.items():
+            lit = self._lit[key]
+            if len(lit) < len(parts):
+                lit.append(self._trace(parts[len(lit)]))
+        weighed = []
+        for key in (*self._lamps, *(() if self._env is None else (self._env,))):
+            lit = self._lit[key]
+            weighed += [(len(self._parts[key]) / len(lit), own) for own in lit]
+        done = all(len(self._lit[key]) == len(parts) for key, parts in self._parts.items())
+        return Sources(tuple(weighed), done)
+
+    def _trace(self, lamp: CoreLamp) -> Lit:
+        view, cells = self.transport.view, self.transport.cells
+        sights = view.sights(lamp)
+        samples = cells.irradiance(lamp, cells.sights(lamp)).reshape(-1, EACH, 3).mean(axis=1)
+        return Lit(lamp, sights, view.irradiance(lamp, sights), samples)
+
+    def view(self, sources: Sources) -> Colours:
+        """Irradiance over pi of all rows."""
+        shape = (self.transport.diffuse.shape[0], 3)
+        return self._view.made(sources, lambda: sources.total(lambda lit: lit.view, shape))
+
+    def samples(self, sources: Sources) -> Colours:
+        """The same of the samples."""
+        shape = (self.transport.bounces.shape[0], 3)
+        return self._samples.made(sources, lambda: sources.total(lambda lit: lit.samples, shape))
+
+    def reflected(self, sources: Sources, part: StudioPart, gamma: float) -> Colours:
+        """What the rows of a material send to the eye of the lamps' own light, by the model itself."""
+        return sources.total(partial(self._reflected, part, gamma), (len(part.rows), 3))
+
+    def _reflected(self, part: StudioPart, gamma: float, lit: Lit) -> Colours:
+        known = lit.reflected.get(part.name)
+        if known is None or known[0] != gamma:
+            eyes, lobe = self.transport.eyes_of(part), (part.family._core, gamma)
+            known = (gamma, self.transport.view.reflected(lit.lamp, lit.sights, part.rows, eyes, lobe))
+            lit.reflected[part.name] = known
+        return known[1]
