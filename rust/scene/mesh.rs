@@ -1,6 +1,5 @@
 //! Triangles in normalised coordinates: what the tracer is built on.
 
-use super::rays::tracer::{LIFT, unit};
 use crate::error::{Error, Result};
 
 /// Triangles of a scene, moved and scaled so that the largest extent of the box around them is between 1 and 2; or of the
@@ -29,6 +28,15 @@ fn sub(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 /// The vector product.
 pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// How far receivers are lifted off their surface, in the normalised scene: above the rounding of any projected depth,
+/// below anything that can be seen.
+pub const LIFT: f64 = 4e-6;
+
+/// What rounding is measured in at a triangle: 1 in the unit box, and farther off its largest coordinate.
+pub(super) fn unit(corners: &[[f32; 3]; 3]) -> f32 {
+    corners.as_flattened().iter().fold(1.0, |most, x| most.max(x.abs()))
 }
 
 /// What is far begins so many times as far from the eye as what is near ends.

@@ -95,8 +95,22 @@ def make_plan(prepared: Prepared) -> Plan:
             *(f"{count:,} {what}" for what, count in _found(prepared).items() if count),
             *_factors(prepared),
             *scene.warnings,
+            *_hardly_seen(prepared),
         ],
     )
+
+
+_HARDLY = 0.01
+"""A camera that shows the scene in a smaller share of its pixels was hardly meant."""
+
+
+def _hardly_seen(prepared: Prepared) -> list[str]:
+    """Whether nearly all of the picture shows nothing."""
+    camera = prepared.scene.camera
+    seen = 1.0 - prepared.rows.unseen / (camera.width * camera.height)
+    if prepared.request.receivers != "pixels" or seen >= _HARDLY:
+        return []
+    return [f"{100 * seen:.2g} % of the pixels see the scene: another camera would show more of it"]
 
 
 def _materials(prepared: Prepared) -> str:

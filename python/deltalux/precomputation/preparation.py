@@ -133,6 +133,7 @@ class Prepared:
             self.columns = Haar(self.columns.face)
         self.core = scene.traced(scene.camera.position)
         self.factored: dict[int, Factored] = {}
+        self.turns: np.ndarray | None = None
         self.camera = scene.camera.rays()
         self.rows = self._found()
         self.count = len(self.rows)
@@ -174,7 +175,8 @@ class Prepared:
         tables = [
             self.factored[number].light if number in self.factored else nothing for number in range(len(scene.albedo))
         ]
-        return rows.factored(scene.material[rows.triangle], tables)
+        self.turns = scene.turns(rows.triangle, rows.barycentric, rows.normal)
+        return rows.factored(scene.material[rows.triangle], tables, self.turns)
 
     def _shaded(self, rows: Receivers) -> Receivers:
         """The rows of pixels with the normals that the scene brings, and tangents for lobes that ask for them."""
@@ -221,7 +223,8 @@ class Prepared:
         if not self.factored:
             return shown
         eyes = {f"eye.{number:05}": factors.eye for number, factors in self.factored.items()}
-        return shown | {"base": rows.base, "factor": rows.lobe.astype(np.uint32)} | eyes
+        turned = {} if self.turns is None else {"turn": self.turns[rows.base]}
+        return shown | {"base": rows.base, "factor": rows.lobe.astype(np.uint32)} | eyes | turned
 
     @property
     def asked(self) -> dict[str, object]:

@@ -88,7 +88,7 @@ class Content:
         cutout: Cutout | None = None,
     ) -> int:
         """Append a material and return its index."""
-        for picture in (texture, relief, cutout and cutout.picture):
+        for picture in (texture, relief, None if cutout is None else cutout.picture):
             if picture is not None and id(picture) not in self.counted:
                 self.counted.add(id(picture))
                 self.texels += picture.shape[0] * picture.shape[1]

@@ -98,7 +98,7 @@ class _Reader:
         return [index for index in range(len(self.nodes)) if index not in children]
 
     def _roots(self) -> list[int]:
-        """The nodes of the scene that is wanted, or of the default one; without scenes, all that no node has as a child."""
+        """The nodes of the scene that is wanted, or of the default one; without scenes, those without a parent."""
         scenes, wanted = self.tree.get("scenes", []), self.content.wanted
         named = {str(scene.get("name", "")): number for number, scene in reversed(list(enumerate(scenes)))}
         if isinstance(wanted, str):

@@ -278,6 +278,67 @@ class Scene(Surface):
         """
         return replace(self, camera=camera)
 
+    def with_ground(self, albedo: npt.ArrayLike = (0.5, 0.5, 0.5)) -> Scene:
+        """The same scene on a square plane: under its lowest point, ten times as wide as it is, at least as its height.
+
+        Parameters
+        ----------
+        albedo : (3,) real
+            Linear reflectance of the plane, in [0, 1]; its material is called "ground".
+
+        Returns
+        -------
+        Scene
+            A new one, seen by the same camera.
+
+        Raises
+        ------
+        ValueError
+            If the albedo is out of range.
+        """
+        points = self.vertices[np.unique(self.triangles)]
+        low, high = points.min(axis=0), points.max(axis=0)
+        middle, half = 0.5 * (low + high), 5.0 * (high - low).max()
+        # Not in the plane of what stands on it.
+        height = low[1] - 1e-4 * half
+        square = [(middle[0] + half * x, height, middle[2] + half * z) for x, z in ((-1, 1), (1, 1), (1, -1), (-1, -1))]
+        return self._joined_by(np.array(square), np.array([(0, 1, 2), (0, 2, 3)]), "ground", checked_albedo([albedo]))
+
+    def _joined_by(self, vertices: np.ndarray, triangles: np.ndarray, name: str, albedo: np.ndarray) -> Scene:
+        """With some more triangles, of a diffuse material of their own."""
+        materials, count = len(self.albedo), len(self.vertices)
+
+        def more(array: np.ndarray | None, missing: tuple[float, ...]) -> np.ndarray | None:
+            if array is None:
+                return None
+            rows = np.reshape(np.tile(missing, len(vertices)), (len(vertices), *array.shape[1:]))
+            return frozen(np.concatenate([array, rows]), array.dtype)
+
+        def one(items: tuple[Any, ...], missing: Any) -> tuple[Any, ...]:
+            return (*items, missing) if items else items
+
+        dark = (0.0, 0.0, 0.0)
+        return replace(
+            self,
+            vertices=frozen(np.concatenate([self.vertices, vertices]), np.float64),
+            triangles=frozen(np.concatenate([self.triangles, triangles + count]), np.uint32),
+            material=frozen(np.concatenate([self.material, np.full(len(triangles), materials)]), np.uint32),
+            albedo=frozen(np.concatenate([self.albedo, albedo]), np.float32),
+            textures=(*self.textures, None),
+            uv=more(self.uv, (0.0, 0.0)),
+            normals=more(self.normals, dark),
+            tangents=more(self.tangents, (*dark, 1.0)),
+            colours=more(self.colours, (1.0, 1.0, 1.0)),
+            opacity=more(self.opacity, (1.0,)),
+            models=one(self.models, None),
+            specular=None if self.specular is None else frozen(np.vstack([self.specular, dark]), np.float32),
+            emission=None if self.emission is None else frozen(np.vstack([self.emission, dark]), np.float32),
+            names=(*(self.names or ("",) * materials), name),
+            samplers=one(self.samplers, Sampler()),
+            reliefs=one(self.reliefs, None),
+            cutouts=one(self.cutouts, None),
+        )
+
     def content_hash(self) -> str:
         """A digest of all that transport depends on: geometry, materials and camera.
 
@@ -324,8 +385,12 @@ def _assemble(
     }
     kept = kept[unique]
 
+    sentences = list(warnings)
     if camera is None:
-        camera = Camera.framing(points[np.unique(corners[kept])])
+        near = _bulk(points[corners[kept]].mean(axis=1))
+        camera = Camera.framing(points[np.unique(corners[kept][near])])
+        if not near.all():
+            sentences.append(f"framing: {np.count_nonzero(~near)} triangles far beyond the rest are not looked for")
     pictures = tuple(None if texture is None else frozen(texture, np.float32) for texture in textures)
     looks = dict(looks or {})
     holes = [cutout.picture for cutout in looks.get("cutouts", ()) if cutout is not None]
@@ -341,7 +406,7 @@ def _assemble(
         normals=None if normals is None else frozen(normals, np.float32),
         name=name,
         counts=found,
-        warnings=tuple(warnings),
+        warnings=tuple(sentences),
         **looks,
     )
 
@@ -354,6 +419,16 @@ def _own_corners(piece: Piece) -> np.ndarray:
         own = len(piece.vertices)
         raise ValueError(f"corners must be in [0, {own}), but a triangle has {corners[bad[0]].tolist()}")
     return corners
+
+
+# Triangles so many times as far off as 99 in 100 are do not count for a camera that frames the rest.
+_STRAY = 16.0
+
+
+def _bulk(places: np.ndarray) -> np.ndarray:
+    """Which places are not far beyond nearly all of the others, (n,) bool."""
+    off = np.abs(places - np.median(places, axis=0)).max(axis=1)
+    return np.asarray(off <= _STRAY * max(float(np.quantile(off, 0.99, method="lower")), 0.0) + 1e-300)
 
 
 # From z up to y up: a quarter turn about x.

@@ -22,7 +22,8 @@ _DEEP = ("I;16", "I;16B", "I;16L", "I;16N", "I")
 def linear(encoded: Any) -> np.ndarray:
     """Linear values of sRGB ones in [0, 1] (IEC 61966-2-1), float32."""
     values = np.asarray(encoded, np.float64)
-    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4).astype(np.float32)
+    found: np.ndarray = np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+    return found.astype(np.float32)
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class Picture:
     @cached_property
     def grey(self) -> np.ndarray:
         """Means of the channels as they are, as opacities are stored: (h, w) float32 in [0, 1]."""
-        return (self.levels.mean(axis=2) / self.most).astype(np.float32)
+        return np.asarray(self.levels.mean(axis=2) / self.most, np.float32)
 
     def normals(self, scale: float) -> np.ndarray:
         """Vectors in the frame of the surface, x and y times `scale`: (h, w, 3) float32."""

@@ -216,6 +216,12 @@ class Surface:
             return None
         return shading_normals(self, np.asarray(triangles), np.asarray(barycentrics), np.asarray(seen), camera)
 
+    @property
+    def turned(self) -> bool:
+        """Whether lobes that are not alike along all directions lie along tangents of the mesh."""
+        along = self.tangents is not None or self.uv is not None
+        return along and any(is_anisotropic(model) for model in self.models)
+
     def turns(self, triangles: npt.ArrayLike, barycentrics: npt.ArrayLike, normals: npt.ArrayLike) -> np.ndarray | None:
         """How lobes that are not alike along all directions lie at points.
 

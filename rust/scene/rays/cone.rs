@@ -5,9 +5,15 @@
 #![allow(clippy::needless_range_loop)]
 
 use super::eight::Eight;
-use super::facets::{FLOOR, SLACK};
 use super::fan::{Fan, PACKETS, inverse};
 use super::tree::Node;
+
+/// Slack on what is thrown away before edges are looked at, in the normalised scene: more than the width of any edge.
+const SLACK: f32 = 2e-6;
+
+/// How far below the apex's plane a triangle's top may lie and still block: more than rounding, less than the lift of
+/// receivers.
+const FLOOR: f32 = -5e-7;
 
 /// Where the rays of a fan start.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -18,13 +18,6 @@ use super::tree::Leaf;
 /// surface leaks at its vertices; with four times as much, edges block rays that pass them.
 const EDGE: f32 = 0.6e-7;
 
-/// Slack on what is thrown away before edges are looked at, in the normalised scene: more than the width of any edge.
-pub(super) const SLACK: f32 = 2e-6;
-
-/// How far below the apex's plane a triangle's top may lie and still block: more than rounding, less than the lift of
-/// receivers.
-pub(super) const FLOOR: f32 = -5e-7;
-
 /// So few rays are not held against the edges as one cone first.
 const FEW: u32 = 4;
 

@@ -4,7 +4,6 @@
 //! those of space, permuted and mirrored so that all slopes lie in [0, 1] and all rays go up: boxes stay boxes, and
 //! nothing is rotated.
 
-use super::cone::Apex;
 use super::holes::ray_number;
 
 /// Rays of a fan, one bit each.
@@ -100,11 +99,11 @@ impl Fan {
     }
 
     /// A number of one of its rays, which none of the others changes.
-    pub(super) fn number(&self, from: &Apex, ray: usize) -> u64 {
+    pub(super) fn number(&self, origin: [f32; 3], ray: usize) -> u64 {
         let slopes = [0, 1].map(|axis: usize| self.slope[axis][ray / 8][ray % 8]);
         let sides: u64 =
             (0..3).map(|k| (self.octant.axes[k] as u64 * 2 + u64::from(self.octant.mirrored[k])) << (8 * k)).sum();
-        ray_number(from.origin, &slopes) ^ sides
+        ray_number(origin, &slopes) ^ sides
     }
 
     /// Rays in it.

@@ -19,22 +19,15 @@ use super::fan::Fan;
 use super::holes::{Found, Holes, Kind, Porous, ray_number};
 use super::tree::{LEAF, Leaf, Node, WideTree};
 use super::walk::{self, Walk};
-use crate::scene::mesh::Mesh;
+use crate::scene::mesh::{Mesh, unit};
+
+pub use crate::scene::mesh::LIFT;
 
 /// Boxes are padded by this much of the normalised scene: eight units in the last place of its largest coordinate.
 const PAD: f32 = 1e-6;
 
-/// How far receivers are lifted off their surface, in the normalised scene: above the rounding of any projected depth,
-/// below anything that can be seen.
-pub const LIFT: f64 = 4e-6;
-
 /// Most triangles of a leaf of the wide tree.
 const LEAF_SIZE: u32 = 8;
-
-/// What rounding is measured in at a triangle: 1 in the unit box, and farther off its largest coordinate.
-pub fn unit(corners: &[[f32; 3]; 3]) -> f32 {
-    corners.as_flattened().iter().fold(1.0, |most, x| most.max(x.abs()))
-}
 
 struct Boxed([[f32; 3]; 3]);
 

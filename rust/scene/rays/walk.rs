@@ -112,7 +112,8 @@ fn walk_porous<L: Eight>(porous: &Porous, from: &Apex, fan: &Fan, active: u64, r
                 let ray = inside.trailing_zeros() as usize;
                 inside &= inside - 1;
                 let weights = facets.weights(slot as usize, fan, ray);
-                let found = porous.holes.meet(porous.numbers[number][slot as usize], weights, fan.number(from, ray));
+                let found =
+                    porous.holes.meet(porous.numbers[number][slot as usize], weights, fan.number(from.origin, ray));
                 open &= !(u64::from(found.stops) << ray);
                 *thin |= u64::from(found.thin) << ray;
             }
