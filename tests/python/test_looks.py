@@ -8,12 +8,14 @@ import deltalux as dl
 import numpy as np
 import oracles
 import pytest
+from deltalux.relight.backdrop import Backdrop
 from deltalux.surface.cutout import Cutout
 from deltalux.surface.shading import corner_tangents, frame_turns, tangents_at
 from deltalux.surface.surface import Surface
 from deltalux.transport.gloss import Gloss
 
 WHITE = dl.Environment.from_latlong(np.ones((8, 16, 3), np.float32))
+CAMERA = dl.Camera((0, 1, 6), (0, 1, 0), width=16, height=16)
 
 
 def lit(scene, tmp_path, env=WHITE, columns="haar:8", quality="preview", **asked):
@@ -226,3 +228,19 @@ def test_what_is_far_leaves_the_near_as_it_was(tmp_path):
     for far in (1e3, 1e5, 1e7):
         stray = (np.array([(far, 0, 0), (far + 1, 0, 0), (far, 1, 0)]), np.array([(0, 1, 2)]))
         assert (lit(dl.Scene.from_arrays(*oracles.merged(mesh, stray), camera=camera), tmp_path)[1] == near).all()
+
+
+# --- Behind the scene
+
+
+def test_backgrounds(tmp_path):
+    transport, _ = lit(dl.Scene.builtin("cornell").with_camera(CAMERA), tmp_path)
+    B, bare = transport.multiply(transport.coefficients(WHITE)), transport.pixels.background[..., None]
+    black = transport.image(B)
+    assert (Backdrop(transport).picture(B, WHITE) == transport.image(B, WHITE)).all()
+    assert (Backdrop(transport, "none").picture(B, WHITE) == black).all() and 0 < bare.mean() < 1
+    # sRGB 188 is 0.503, and is shown as that after a stop.
+    found = Backdrop(transport, "#ff00bc").picture(B, WHITE, 1.0) - black
+    np.testing.assert_allclose(found, bare * np.array([0.5, 0, 0.2515]), atol=1e-4)
+    with pytest.raises(ValueError, match="expected a background of env, none or #rrggbb, got 'red'"):
+        Backdrop(transport, "red")

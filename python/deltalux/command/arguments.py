@@ -13,6 +13,7 @@ from ..light.environment import Environment
 from ..light.layouts import LAYOUTS
 from ..light.motion import Motion
 from ..light.skies import BUILTIN
+from ..relight.backdrop import checked_backdrop
 from ..scene.builtin.catalogue import SCENES
 from ..scene.scene import Scene
 
@@ -59,6 +60,25 @@ def motion_of(chosen: argparse.Namespace) -> Motion:
     """The rotation that was asked for."""
     rotate, axis = (chosen.turn if chosen.rotate is None else chosen.rotate), chosen.axis or "y"
     return Motion(rotate, chosen.frames, chosen.hold, axis)
+
+
+def add_background(command: argparse.ArgumentParser) -> None:
+    """The argument of what pictures show behind the scene."""
+    command.add_argument(
+        "--background",
+        type=read_background,
+        default="env",
+        metavar="env|none|#rrggbb",
+        help="behind the scene; default: %(default)s",
+    )
+
+
+def read_background(text: str) -> str:
+    """The environment, nothing, or a colour."""
+    try:
+        return checked_backdrop(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def read_size(text: str) -> tuple[int, int]:

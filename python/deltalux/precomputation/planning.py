@@ -336,6 +336,11 @@ def _left_out(prepared: Prepared, probe: _Probe, part: Part) -> list[LeftOut]:
         left_out.append(LeftOut("reflections of surfaces", "factors of a lobe may be negative, weights of nodes not"))
     if prepared.texels_left_out:
         left_out.append(LeftOut("texel columns", prepared.texels_left_out))
+    if any(relief is not None for relief in scene.reliefs):
+        if prepared.request.receivers == "vertices":
+            left_out.append(LeftOut("pictures of normals", "vertices face as the mesh does"))
+        elif prepared.request.normals == "flat":
+            left_out.append(LeftOut("pictures of normals", "not asked for"))
     behind = prepared.rows.unseen
     if behind:
         left_out.append(LeftOut("rows for pixels without a surface", f"{behind:,} pixels show the environment itself"))

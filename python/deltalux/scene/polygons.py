@@ -30,7 +30,9 @@ def triangulated(points: np.ndarray, sizes: np.ndarray) -> tuple[np.ndarray, np.
     for size in np.unique(sizes):
         own = np.flatnonzero(sizes == size)
         corners = starts[own][:, None] + np.arange(size)
-        convex = np.ones(len(own), bool) if size == 3 else _is_convex(points[corners])
+        # What is not finite is refused later.
+        convex = (size == 3) | ~np.isfinite(points[corners]).all(axis=(1, 2))
+        convex[~convex] = _is_convex(points[corners[~convex]])
         fan = np.stack([np.zeros(size - 2, np.int64), np.arange(1, size - 1), np.arange(2, size)], -1)
         made.append(corners[convex][:, fan].reshape(-1, 3))
         owners.append(np.repeat(own[convex], size - 2))
