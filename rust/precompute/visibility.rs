@@ -174,11 +174,13 @@ impl Visibility {
         }
         transpose(&mut bits);
         let mut thin = [0; 64];
-        for ((bits, thin), apex) in bits.iter_mut().zip(&mut thin).zip(apexes) {
+        for (receiver, (bits, apex)) in bits.iter_mut().zip(apexes).enumerate() {
             view.rays.first += u64::from(bits.count_ones());
             *bits &= !self.tracer.blocked(apex, &block.centres, *bits, &mut room.walk);
             view.rays.open += u64::from(bits.count_ones());
-            *thin = room.walk.thin;
+            if !room.thin.is_empty() {
+                thin[receiver] = room.walk.thin;
+            }
         }
         if !room.thin.is_empty() {
             transpose(&mut thin);
@@ -224,6 +226,7 @@ impl Visibility {
         pending.fan.restart(block.octant);
         for (receiver, (&texels, apex)) in bits.iter().zip(apexes).enumerate() {
             let [x, y, z] = self.points.normal[start + receiver];
+            let horizon = self.points.horizon.get(start + receiver).copied();
             let mut left = texels;
             while left != 0 {
                 let edge = left.trailing_zeros() as usize;
@@ -231,7 +234,7 @@ impl Visibility {
                 for sample in &inside[edge * samples..(edge + 1) * samples] {
                     let [dx, dy, dz] = sample.direction;
                     let cosine = x * dx + y * dy + z * dz;
-                    if cosine > 0.0 && self.points.rises(start + receiver, sample.direction.map(f64::from)) {
+                    if cosine > 0.0 && horizon.is_none_or(|[x, y, z]| x * dx + y * dy + z * dz > 0.0) {
                         pending.fan.push(sample.slopes);
                         pending.parts.push((first + edge, cosine / samples as f32));
                         if pending.fan.is_full() {

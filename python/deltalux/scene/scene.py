@@ -302,7 +302,12 @@ class Scene(Surface):
         # Not in the plane of what stands on it.
         height = low[1] - 1e-4 * half
         square = [(middle[0] + half * x, height, middle[2] + half * z) for x, z in ((-1, 1), (1, 1), (1, -1), (-1, -1))]
-        return self._joined_by(np.array(square), np.array([(0, 1, 2), (0, 2, 3)]), "ground", checked_albedo([albedo]))
+        return self._joined_by(
+            np.array(square),
+            np.array([(0, 1, 2), (0, 2, 3)]),
+            "ground",
+            checked_albedo(np.broadcast_to(real_array("albedo", albedo, np.float64), (1, 3))),
+        )
 
     def _joined_by(self, vertices: np.ndarray, triangles: np.ndarray, name: str, albedo: np.ndarray) -> Scene:
         """With some more triangles, of a diffuse material of their own."""
