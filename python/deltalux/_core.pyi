@@ -137,7 +137,13 @@ class EnvironmentMap:
 @final
 class Scene:
     def __new__(
-        cls, vertices: NDArray[np.float64], triangles: NDArray[np.uint32], material: NDArray[np.uint32]
+        cls,
+        vertices: NDArray[np.float64],
+        triangles: NDArray[np.uint32],
+        material: NDArray[np.uint32],
+        *,
+        eye: tuple[float, float, float] | None = None,
+        holes: tuple[list[Any], NDArray[np.float32], NDArray[np.float32]] | None = None,
     ) -> Scene: ...
     @property
     def nbytes(self) -> int: ...
@@ -190,7 +196,15 @@ class Receivers:
     def lobe(self) -> NDArray[np.int32]: ...
     @property
     def base(self) -> NDArray[np.uint32]: ...
-    def factored(self, material: NDArray[np.uint32], factors: list[NDArray[np.float32]]) -> Receivers: ...
+    @property
+    def normal(self) -> NDArray[np.float32]: ...
+    def shaded(self, normals: NDArray[np.float32] | None, turns: NDArray[np.float32] | None) -> Receivers: ...
+    def factored(
+        self,
+        material: NDArray[np.uint32],
+        factors: list[NDArray[np.float32]],
+        turns: NDArray[np.float32] | None = None,
+    ) -> Receivers: ...
     def glossy(
         self,
         material: NDArray[np.uint32],

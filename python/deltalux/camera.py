@@ -16,6 +16,7 @@ from .checks import Vector, as_vector, real_array
 LARGEST_PICTURE = 16_384
 # Squares of lengths must stay finite in float64, and in what the tracer makes of them after scaling.
 LARGEST_COORDINATE = 1e30
+_MARGIN = 1.08
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ class Camera:
     ) -> Camera:
         """The camera that shows all points from a three-quarter view, slightly above.
 
-        The distance is the smallest at which every point is inside the picture, and 8 % more for a margin.
+        The points fill the picture up to a margin: their outline touches two of its sides 7 % from the edge.
 
         Parameters
         ----------
@@ -86,7 +87,7 @@ class Camera:
         Returns
         -------
         Camera
-            It looks at the middle of the points' bounding box, +Y up.
+            It looks at the middle of their outline, +Y up.
 
         Raises
         ------
@@ -101,13 +102,18 @@ class Camera:
             [math.sin(azimuth) * math.cos(elevation), math.sin(elevation), math.cos(azimuth) * math.cos(elevation)]
         )
 
-        # A point (x, y, z) in the camera's frame, z towards the eye, is seen if |y| <= (distance - z) tan(fov / 2).
+        # A point (x, y, z) in the camera's frame, z towards the eye, is seen if |x - c| <= (distance - z) tan(fov / 2),
+        # where c is what the middle of the picture is moved by: least where both sides ask for the same distance.
         probe = cls(as_vector(toward_eye), (0.0, 0.0, 0.0), vertical_fov=vertical_fov, width=width, height=height)
         right, up, forward = probe.basis()
-        tangent = math.tan(0.5 * math.radians(probe.vertical_fov))
-        relative = points - centre
-        reach = np.maximum(np.abs(relative @ right) * (height / width), np.abs(relative @ up)) / tangent
-        distance = 1.08 * float(np.max(reach - relative @ forward))
+        tangent = math.tan(0.5 * math.radians(probe.vertical_fov)) / _MARGIN
+        relative, distance = points - centre, 0.0
+        nearness = -relative @ forward
+        for axis, slope in ((right, tangent * width / height), (up, tangent)):
+            ends = [float(np.max(side * (relative @ axis) / slope + nearness)) for side in (1.0, -1.0)]
+            distance = max(distance, 0.5 * (ends[0] + ends[1]))
+            centre = centre + 0.5 * (ends[0] - ends[1]) * slope * axis
+        distance += 0.01 * float(np.linalg.norm(high - low))
         if not distance > 0.0:
             raise ValueError(f"camera: cannot frame points that all lie at {as_vector(centre)}; give a camera")
         return replace(probe, position=as_vector(centre + distance * toward_eye), target=as_vector(centre))

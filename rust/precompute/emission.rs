@@ -88,7 +88,8 @@ impl Emitters {
         let row = |row: usize| {
             let (origin, normal) = (points.origin[row].map(f64::from), points.normal[row].map(f64::from));
             let lobe = lobes.of(row, points.normal[row]);
-            self.at(surfaces, origin, normal, lobe.as_ref(), side, mixed(row as u64) ^ 5)
+            let rises = |way| points.rises(row, way);
+            self.at(surfaces, (origin, normal, &rises), lobe.as_ref(), side, mixed(row as u64) ^ 5)
         };
         let chunks = (0..points.len().div_ceil(CHUNK)).into_par_iter().map(|chunk| {
             let rows = chunk * CHUNK..points.len().min((chunk + 1) * CHUNK);
@@ -116,8 +117,7 @@ impl Emitters {
     fn at(
         &self,
         surfaces: Surfaces,
-        origin: [f64; 3],
-        normal: [f64; 3],
+        (origin, normal, rises): ([f64; 3], [f64; 3], &dyn Fn([f64; 3]) -> bool),
         lobe: Option<&Lobe>,
         side: usize,
         seed: u64,
@@ -132,7 +132,7 @@ impl Emitters {
         let proposal = |way: [f64; 3]| lobe.and_then(|lobe| lobe.pdf(way)).unwrap_or_else(|| cosine(way));
         let mut add = |emitter: usize, way: [f64; 3], by_emitters: f64| {
             let weight = value(way) / (by_emitters + proposal(way)) / count;
-            if weight.is_finite() {
+            if weight.is_finite() && rises(way) {
                 (0..3).for_each(|k| sum[k] += weight * self.radiance[emitter][k]);
             }
         };

@@ -206,10 +206,12 @@ pub fn links(
             if lobe.is_factor() {
                 return (Taken::Interpolated(Vec::new()), 0);
             }
-            return reflected(surfaces, nodes, origin, &lobe, row as u64, room);
+            let rises = |direction| receivers.rises(row, direction);
+            return reflected(surfaces, nodes, (origin, &rises), &lobe, row as u64, room);
         }
         let directions = cosine_directions(normal, side, mixed(row as u64) ^ 1);
-        let (found, _) = met(surfaces, nodes, directions.map(|direction| (origin, direction)));
+        let risen = directions.filter(|&direction| receivers.rises(row, direction));
+        let (found, _) = met(surfaces, nodes, risen.map(|direction| (origin, direction)));
         let (speaking, shot) = interpolation(surfaces, nodes, origin, normal, room);
         let gathered: Vec<(u32, u16)> = counted(&found).map(|(node, count)| (node, count * share)).collect();
         let own = found.iter().map(|&node| albedo[node as usize]).sum::<f64>() / rays;
@@ -263,7 +265,8 @@ pub fn links(
         let row = plain[(2 * k + 1) * plain.len() / (2 * count)];
         let (origin, normal) = (receivers.origin[row].map(f64::from), receivers.normal[row].map(f64::from));
         let directions = cosine_directions(normal, CLOSELY, mixed(row as u64) ^ 2);
-        let (found, _) = met(surfaces, nodes, directions.map(|direction| (origin, direction)));
+        let risen = directions.filter(|&direction| receivers.rises(row, direction));
+        let (found, _) = met(surfaces, nodes, risen.map(|direction| (origin, direction)));
         let share = 1.0 / (CLOSELY * CLOSELY) as f64;
         let gathered = counted(&found).map(|(node, count)| (node as usize, f64::from(count) * share));
         Ok(Check { receiver: row, taken: weights.row(row).collect(), gathered: gathered.collect() })
@@ -277,7 +280,7 @@ pub fn links(
 fn reflected(
     surfaces: Surfaces,
     nodes: &Nodes,
-    origin: [f64; 3],
+    (origin, rises): ([f64; 3], &dyn Fn([f64; 3]) -> bool),
     lobe: &Lobe,
     seed: u64,
     room: &mut Vec<(f32, u32)>,
@@ -286,7 +289,7 @@ fn reflected(
     let mut shares: Vec<(u32, f64)> = Vec::new();
     let origin = origin.map(|x| x as f32);
     for (direction, weight) in lobe.samples(side, mixed(seed) ^ 4) {
-        let Some(hit) = surfaces.meet(origin, direction) else { continue };
+        let Some(hit) = surfaces.meet(origin, direction).filter(|_| rises(direction)) else { continue };
         let Some(nearest) = nodes.nearest(&hit, room) else { continue };
         let mut around: Vec<(u32, f64)> = Vec::with_capacity(TAKEN);
         for number in nodes.several(hit.place, hit.normal, TAKEN, room) {

@@ -64,6 +64,8 @@ pub struct Lobes {
     /// Unit vectors to the eye.
     eyes: Vec<[f32; 3]>,
     half_widths: Vec<f32>,
+    /// Of each row the cosine and sine by which its tangent is turned out of the frame of its normal; empty where none is.
+    turns: Vec<[f32; 2]>,
 }
 
 /// A lobe where it stands.
@@ -80,27 +82,45 @@ pub struct Lobe<'a> {
 impl Lobes {
     /// Of rows with these normals. Refuses rows that name no model, and eyes and normals that do not belong to them.
     pub fn new(models: Vec<Shape>, of_row: Vec<u16>, eyes: Vec<[f32; 3]>, normals: &[[f32; 3]]) -> Result<Self> {
+        Self::turned(models, of_row, eyes, normals, Vec::new())
+    }
+
+    /// The same of rows with tangents of their own.
+    pub fn turned(
+        models: Vec<Shape>,
+        of_row: Vec<u16>,
+        eyes: Vec<[f32; 3]>,
+        normals: &[[f32; 3]],
+        turns: Vec<[f32; 2]>,
+    ) -> Result<Self> {
         let known = |own: &u16| *own == DIFFUSE || usize::from(*own) < models.len();
         if of_row.len() != eyes.len() || of_row.len() != normals.len() || !of_row.iter().all(known) {
             let (rows, eyes, count) = (of_row.len(), eyes.len(), models.len());
             return Err(Error::input(format!("expected an eye and one of {count} models a row, got {rows}, {eyes}")));
         }
+        if !turns.is_empty() && turns.len() != of_row.len() {
+            return Err(Error::input(format!(
+                "expected a turn for each of {} rows, got {}",
+                of_row.len(),
+                turns.len()
+            )));
+        }
         let half_width = |row: usize| match models.get(usize::from(of_row[row])) {
             Some(Shape::Factor(factor)) => (FINE * factor.width()) as f32,
             Some(shape) => {
-                let wo = Local::new(normals[row]).of(eyes[row].map(f64::from));
+                let wo = Local::new(normals[row], turns.get(row).copied()).of(eyes[row].map(f64::from));
                 shape.seen().map_or(0.0, |model| model.half_width(wo) as f32)
             }
             None => 0.0,
         };
         let half_widths = (0..of_row.len()).into_par_iter().map(half_width).collect();
-        Ok(Lobes { models, of_row, eyes, half_widths })
+        Ok(Lobes { models, of_row, eyes, half_widths, turns })
     }
 
     /// What texel columns are made of: None where no row has a lobe, or one has a factor or a measured one, whose tables are
-    /// not kept.
+    /// not kept, or a tangent of its own.
     pub fn of_texels(&self) -> Option<lobes::Lobes> {
-        if !self.any() {
+        if !self.any() || !self.turns.is_empty() {
             return None;
         }
         Some(lobes::Lobes {
@@ -125,7 +145,7 @@ impl Lobes {
     pub fn of(&self, row: usize, normal: [f32; 3]) -> Option<Lobe<'_>> {
         let model = usize::from(*self.of_row.get(row).filter(|&&own| own != DIFFUSE)?);
         let own = RowLobe { model, normal, eye: self.eyes[row], half_width: self.half_widths[row] };
-        Some(Lobe::new(&self.models[model], &own))
+        Some(Lobe::new(&self.models[model], &own, self.turns.get(row).copied()))
     }
 }
 
@@ -151,7 +171,7 @@ impl LobeModels for Models {
     }
 
     fn means(&self, lobe: &RowLobe, size: usize, texels: &[usize], means: &mut [f32]) {
-        let own = Lobe::new(&self.0[lobe.model], lobe);
+        let own = Lobe::new(&self.0[lobe.model], lobe, None);
         means.iter_mut().zip(texels).for_each(|(mean, &texel)| *mean = own.mean(size, texel));
     }
 
@@ -170,10 +190,14 @@ impl LobeModels for Models {
 struct Local([[f64; 3]; 3]);
 
 impl Local {
-    fn new(normal: [f32; 3]) -> Self {
+    fn new(normal: [f32; 3], turn: Option<[f32; 2]>) -> Self {
         let normal = normal.map(f64::from);
         let [tangent, bitangent] = frame(normal);
-        Local([tangent, bitangent, normal])
+        let Some([cos, sin]) = turn.map(|turn| turn.map(f64::from)) else {
+            return Local([tangent, bitangent, normal]);
+        };
+        let of = |a: f64, b: f64| std::array::from_fn(|k| a * tangent[k] + b * bitangent[k]);
+        Local([of(cos, sin), of(-sin, cos), normal])
     }
 
     /// A direction of space in it.
@@ -190,8 +214,8 @@ impl Local {
 impl<'a> Lobe<'a> {
     /// Where a row stands. It, and its means over texels, are made of sums, products, quotients and roots, and of the
     /// model's values: the same to the bit on every machine.
-    fn new(shape: &'a Shape, own: &RowLobe) -> Self {
-        let local = Local::new(own.normal);
+    fn new(shape: &'a Shape, own: &RowLobe, turn: Option<[f32; 2]>) -> Self {
+        let local = Local::new(own.normal, turn);
         let wo = local.of(own.eye.map(f64::from));
         let axis = shape.seen().map(|model| local.world(model.axis(wo)));
         Lobe { shape, local, wo, axis, half_width: f64::from(own.half_width) }

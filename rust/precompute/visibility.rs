@@ -97,8 +97,10 @@ pub(super) struct Looking {
     pending: Pending,
     /// Of a block: the samples of each of its edge texels, one after the other.
     samples: Vec<Sample>,
+    /// Of each texel the receivers whose ray to its centre met something thin; empty where everything is solid.
+    thin: Vec<u64>,
     /// Where the last bundle looked from, and what it saw: another factor of the same receivers sees the same.
-    last: Option<(Vec<Apex>, Arc<View>)>,
+    last: Option<(Vec<Apex>, Vec<[f32; 3]>, Arc<View>)>,
 }
 
 /// Looks at the sky from the receivers of a scene.
@@ -123,31 +125,45 @@ impl Visibility {
 
     /// Shoots the rays of one bundle, unless the one before it in this room had the same receivers.
     pub(super) fn view(&self, rows: Range<usize>, room: &mut Looking) -> Arc<View> {
-        let apex = |row: usize| Apex { origin: self.points.origin[row], normal: self.points.normal[row] };
+        let apex = |row: usize| Apex { origin: self.points.origin[row], normal: self.points.rise(row) };
         let apexes: Vec<Apex> = rows.clone().map(apex).collect();
-        if let Some((_, view)) = room.last.as_ref().filter(|(last, _)| *last == apexes) {
+        let normals = &self.points.normal[rows.clone()];
+        if let Some((_, _, view)) = room.last.as_ref().filter(|(last, own, _)| *last == apexes && own == normals) {
             return Arc::clone(view);
         }
         let view = Arc::new(self.looked(rows, &apexes, room));
-        room.last = Some((apexes, Arc::clone(&view)));
+        room.last = Some((apexes, normals.to_vec(), Arc::clone(&view)));
         view
     }
 
     fn looked(&self, rows: Range<usize>, apexes: &[Apex], room: &mut Looking) -> View {
-        let normals = Normals::new(&self.points.normal[rows]);
+        let normals = Normals::new(&self.points.normal[rows.clone()]);
         let count = self.texels.len();
         let mut view = View { open: vec![0; count], edges: Vec::new(), rays: Rays::default() };
         let above: Vec<u64> = self.texels.centre.iter().map(|&direction| normals.above(direction)).collect();
-        for block in &self.texels.blocks {
-            self.centres(block, apexes, &above, room, &mut view);
+        room.thin.clear();
+        room.thin.resize(if self.tracer.is_solid() { 0 } else { count }, 0);
+        if self.points.horizon.is_empty() {
+            self.all_centres(apexes, &above, room, &mut view);
+        } else {
+            // What rises over the normal and not over the triangle is closed, and has an edge towards what is open.
+            let horizon = Normals::new(&self.points.horizon[rows.clone()]);
+            let risen = self.texels.centre.iter().zip(&above).map(|(&way, &above)| above & horizon.above(way));
+            self.all_centres(apexes, &risen.collect::<Vec<u64>>(), room, &mut view);
         }
         if self.edge_side > 0 {
             for block in &self.texels.blocks {
-                self.edges(block, apexes, &above, room, &mut view);
+                self.edges(block, rows.start, apexes, &above, room, &mut view);
             }
         }
         view.edges.sort_unstable_by_key(|edge| edge.texel);
         view
+    }
+
+    fn all_centres(&self, apexes: &[Apex], above: &[u64], room: &mut Looking, view: &mut View) {
+        for block in &self.texels.blocks {
+            self.centres(block, apexes, above, room, view);
+        }
     }
 
     /// The rays to the centres of a block's texels, one fan a receiver.
@@ -157,10 +173,18 @@ impl Visibility {
             *bits = above[texel as usize];
         }
         transpose(&mut bits);
-        for (bits, apex) in bits.iter_mut().zip(apexes) {
+        let mut thin = [0; 64];
+        for (receiver, (bits, apex)) in bits.iter_mut().zip(apexes).enumerate() {
             view.rays.first += u64::from(bits.count_ones());
             *bits &= !self.tracer.blocked(apex, &block.centres, *bits, &mut room.walk);
             view.rays.open += u64::from(bits.count_ones());
+            if !room.thin.is_empty() {
+                thin[receiver] = room.walk.thin;
+            }
+        }
+        if !room.thin.is_empty() {
+            transpose(&mut thin);
+            block.texels.iter().zip(thin).for_each(|(&texel, thin)| room.thin[texel as usize] = thin);
         }
         transpose(&mut bits);
         for (bits, &texel) in bits.iter().zip(&block.texels) {
@@ -168,9 +192,11 @@ impl Visibility {
         }
     }
 
-    /// Receivers that see this texel and a neighbour above the horizon differently.
-    fn unlike_a_neighbour(&self, texel: usize, above: &[u64], open: &[u64]) -> u64 {
-        self.texels.neighbours[texel].iter().fold(0, |unlike, &next| {
+    /// Receivers that see this texel and a neighbour above the horizon differently, or whose ray there met something thin:
+    /// were it only looked at closely where rays have found otherwise, the mean would not be kept.
+    fn unlike_a_neighbour(&self, texel: usize, above: &[u64], open: &[u64], thin: &[u64]) -> u64 {
+        let thin = thin.get(texel).copied().unwrap_or(0);
+        self.texels.neighbours[texel].iter().fold(thin, |unlike, &next| {
             let next = next as usize;
             unlike | (open[texel] ^ open[next]) & above[texel] & above[next]
         })
@@ -178,14 +204,14 @@ impl Visibility {
 
     /// Measures the texels of a block that an edge runs through: for each receiver, the samples of all its edge texels,
     /// as many fans as that takes.
-    fn edges(&self, block: &Block, apexes: &[Apex], above: &[u64], room: &mut Looking, view: &mut View) {
-        let Looking { walk, pending, samples: inside, .. } = room;
+    fn edges(&self, block: &Block, start: usize, apexes: &[Apex], above: &[u64], room: &mut Looking, view: &mut View) {
+        let Looking { walk, pending, samples: inside, thin, .. } = room;
         let samples = self.edge_side * self.edge_side;
         let first = view.edges.len();
         let mut bits = [0; 64];
         inside.clear();
         for &texel in &block.texels {
-            let rows = self.unlike_a_neighbour(texel as usize, above, &view.open);
+            let rows = self.unlike_a_neighbour(texel as usize, above, &view.open, thin);
             if rows != 0 {
                 bits[view.edges.len() - first] = rows;
                 view.edges.push(EdgeTexel { texel, rows, mean: [0.0; BUNDLE_ROWS] });
@@ -199,7 +225,8 @@ impl Visibility {
         transpose(&mut bits);
         pending.fan.restart(block.octant);
         for (receiver, (&texels, apex)) in bits.iter().zip(apexes).enumerate() {
-            let [x, y, z] = apex.normal;
+            let [x, y, z] = self.points.normal[start + receiver];
+            let horizon = self.points.horizon.get(start + receiver).copied();
             let mut left = texels;
             while left != 0 {
                 let edge = left.trailing_zeros() as usize;
@@ -207,7 +234,7 @@ impl Visibility {
                 for sample in &inside[edge * samples..(edge + 1) * samples] {
                     let [dx, dy, dz] = sample.direction;
                     let cosine = x * dx + y * dy + z * dz;
-                    if cosine > 0.0 {
+                    if cosine > 0.0 && horizon.is_none_or(|[x, y, z]| x * dx + y * dy + z * dz > 0.0) {
                         pending.fan.push(sample.slopes);
                         pending.parts.push((first + edge, cosine / samples as f32));
                         if pending.fan.is_full() {

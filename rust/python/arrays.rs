@@ -72,13 +72,16 @@ pub(super) fn rows_of<T: numpy::Element + Copy, const N: usize>(
     Ok(PyArray1::from_slice(py, items.as_flattened()).reshape([items.len(), N])?.unbind())
 }
 
-/// A copy of an (n, 3) array, in any order of memory; `name` is what an error calls it.
-pub(super) fn vectors<T: numpy::Element + Copy>(name: &str, array: &PyReadonlyArray2<'_, T>) -> Result<Vec<[T; 3]>> {
+/// A copy of an (n, N) array, in any order of memory; `name` is what an error calls it.
+pub(super) fn vectors<T: numpy::Element + Copy, const N: usize>(
+    name: &str,
+    array: &PyReadonlyArray2<'_, T>,
+) -> Result<Vec<[T; N]>> {
     let array = array.as_array();
-    if array.ncols() != 3 {
-        return Err(Error::input(format!("expected {name} of shape (n, 3), got {:?}", array.shape())));
+    if array.ncols() != N {
+        return Err(Error::input(format!("expected {name} of shape (n, {N}), got {:?}", array.shape())));
     }
-    Ok(array.rows().into_iter().map(|row| [row[0], row[1], row[2]]).collect())
+    Ok(array.rows().into_iter().map(|row| std::array::from_fn(|k| row[k])).collect())
 }
 
 /// A copy of an array of one dimension.

@@ -60,6 +60,8 @@ pub(super) struct Receivers {
     lobe: Vec<i32>,
     /// Of each row the diffuse row of the same vertex, or itself.
     base: Vec<u32>,
+    /// What tangents of rows are turned by, out of the frames of their normals; empty where they have none.
+    turns: Vec<[f32; 2]>,
     rays: u64,
     kind: Kind,
 }
@@ -94,6 +96,7 @@ impl Receivers {
             lobes: Arc::default(),
             lobe: vec![-1; triangle.len()],
             base: (0..triangle.len() as u32).collect(),
+            turns: Vec::new(),
             position: points.origin.iter().map(|origin| mesh.world(origin.map(f64::from))).collect(),
             triangle: triangle.into_iter().map(|triangle| mesh.source[triangle as usize]).collect(),
             barycentric,
@@ -114,6 +117,7 @@ impl Receivers {
             lobes: Arc::default(),
             lobe: vec![-1; rows.len()],
             base: (0..rows.len() as u32).collect(),
+            turns: Vec::new(),
             rays: 0,
             kind: Kind::Vertices(rows),
         }
@@ -167,6 +171,56 @@ impl Receivers {
         PyArray1::from_slice(py, &self.lobe).unbind()
     }
 
+    /// The same rows of pixels with cosines to these normals, (rows, 3) float32, or to those of triangles: nothing below the
+    /// horizon of either the normal or the triangle is seen. `turns`, (rows, 2) float32: cosine and sine of what tangents are turned by, out of
+    /// the frame of the normal.
+    fn shaded(
+        &self,
+        normals: Option<PyReadonlyArray2<'_, f32>>,
+        turns: Option<PyReadonlyArray2<'_, f32>>,
+    ) -> PyResult<Receivers> {
+        let Kind::Pixels { image, pixel, weight, background } = &self.kind else {
+            return Err(Error::input("expected pixels, but these rows are vertices").into());
+        };
+        let normals: Option<Vec<[f32; 3]>> = normals.map(|normals| vectors("normals", &normals)).transpose()?;
+        let (normal, horizon) = match normals {
+            Some(normal) => (normal, self.points.normal.clone()),
+            None => (self.points.normal.clone(), Vec::new()),
+        };
+        let unit = |n: &[f32; 3]| (n.iter().map(|x| x * x).sum::<f32>() - 1.0).abs() < 1e-4;
+        if normal.len() != self.points.len() || !normal.iter().all(unit) {
+            return Err(
+                Error::input(format!("expected a normal of length 1 for each of {} rows", self.points.len())).into()
+            );
+        }
+        let turns = turns.map(|turns| vectors("turns", &turns)).transpose()?.unwrap_or_default();
+        let origin = self.points.origin.clone();
+        Ok(Receivers {
+            points: Arc::new(Points { origin, normal, horizon }),
+            position: self.position.clone(),
+            triangle: self.triangle.clone(),
+            barycentric: self.barycentric.clone(),
+            back: self.back.clone(),
+            lobes: Arc::clone(&self.lobes),
+            lobe: self.lobe.clone(),
+            base: self.base.clone(),
+            turns,
+            rays: self.rays,
+            kind: Kind::Pixels {
+                image: *image,
+                pixel: pixel.clone(),
+                weight: weight.clone(),
+                background: background.clone(),
+            },
+        })
+    }
+
+    /// Unit normals of the rows, (rows, 3) float32.
+    #[getter]
+    fn normal(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f32>>> {
+        rows_of(py, &self.points.normal)
+    }
+
     /// The rows of pixels as their materials ask for them: one where a material is `diffuse`, and one for each of its lobes,
     /// seen from `eye`; the lobes come last. material: (rows,) uint32. A lobe of a measured material is one of its colours.
     fn glossy(
@@ -208,7 +262,8 @@ impl Receivers {
         let to_eye = self.eyes(eye);
         let of_row = all.iter().map(|(_, lobe)| lobe.map_or(DIFFUSE, |(_, model)| model)).collect();
         let eyes = all.iter().map(|&(row, _)| to_eye[row]).collect();
-        let lobes = Arc::new(Lobes::new(models, of_row, eyes, &points.normal)?);
+        let turns: Vec<[f32; 2]> = all.iter().filter_map(|&(row, _)| self.turns.get(row).copied()).collect();
+        let lobes = Arc::new(Lobes::turned(models, of_row, eyes, &points.normal, turns)?);
         let picked = |items: &[u32]| all.iter().map(|&(row, _)| items[row]).collect::<Vec<u32>>();
         Ok(Receivers {
             position: all.iter().map(|&(row, _)| self.position[row]).collect(),
@@ -218,6 +273,7 @@ impl Receivers {
             lobes,
             lobe: all.iter().map(|(_, lobe)| lobe.map_or(-1, |(place, _)| place as i32)).collect(),
             base: (0..all.len() as u32).collect(),
+            turns: Vec::new(),
             points: Arc::new(points),
             rays: self.rays,
             kind: Kind::Pixels {
@@ -236,13 +292,17 @@ impl Receivers {
     }
 
     /// The rows of vertices with the factors of their materials behind them: material after material, in bundles of its
-    /// vertices factor after factor. material: (rows,) uint32; factors: for each material tables of float32, (factors, rings, columns).
+    /// vertices factor after factor. material: (rows,) uint32; factors: for each material tables of float32, (factors, rings, columns);
+    /// turns: as of `shaded`, of the rows of vertices.
+    #[pyo3(signature = (material, factors, turns = None))]
     fn factored(
         &self,
         material: PyReadonlyArray1<'_, u32>,
         factors: Vec<PyReadonlyArray3<'_, f32>>,
+        turns: Option<PyReadonlyArray2<'_, f32>>,
     ) -> PyResult<Receivers> {
         let rows = self.vertices()?;
+        let own: Vec<[f32; 2]> = turns.map(|turns| vectors("turns", &turns)).transpose()?.unwrap_or_default();
         let material = to_vec(&material);
         if material.len() != rows.len() || material.iter().any(|&own| own as usize >= factors.len()) {
             let (known, rows) = (factors.len(), rows.len());
@@ -268,6 +328,7 @@ impl Receivers {
         let points = Arc::new(self.points.some(all.iter().map(|&(row, ..)| row)));
         let of_row = all.iter().map(|&(_, _, model)| model).collect();
         let eyes = vec![[0.0, 0.0, 1.0]; all.len()];
+        let turns: Vec<[f32; 2]> = all.iter().filter_map(|&(row, ..)| own.get(row).copied()).collect();
         fn picked<T: Copy>(all: &[(usize, i32, u16)], items: &[T]) -> Vec<T> {
             all.iter().map(|&(row, ..)| items[row]).collect()
         }
@@ -276,8 +337,9 @@ impl Receivers {
             triangle: picked(&all, &self.triangle),
             barycentric: picked(&all, &self.barycentric),
             back: picked(&all, &self.back),
-            lobes: Arc::new(Lobes::new(models, of_row, eyes, &points.normal)?),
+            lobes: Arc::new(Lobes::turned(models, of_row, eyes, &points.normal, turns)?),
             lobe: all.iter().map(|&(_, place, _)| place).collect(),
+            turns: Vec::new(),
             base: all.iter().map(|&(row, ..)| row as u32).collect(),
             rays: self.rays,
             kind: Kind::Vertices(Vertices {
@@ -338,7 +400,7 @@ impl Receivers {
         corners: PyReadonlyArray2<'py, u32>,
         response: PyReadonlyArray2<'py, f32>,
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        let response = vectors("a response", &response)?;
+        let response = vectors::<_, 3>("a response", &response)?;
         let corners = corners.as_slice()?;
         let out = compute(py, || {
             let mut out = vec![[0f32; 3]; self.triangle.len()];

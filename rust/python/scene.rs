@@ -8,11 +8,11 @@ use pyo3::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::precompute::{DirectPass as Direct, Pass, Rays, Surveyed, contrast, probe, respond, survey, tile};
-use crate::scene::rays::Tracer;
+use crate::scene::rays::{Holes, Opacity, Picture, Tracer, Wrap};
 use crate::scene::{Faces, Mesh, PixelSampling, Receivers as Rows, Shading, Surfaces, Vertices};
 use crate::transport::{Measure, Threshold, Truncation};
 
-use super::arrays::{coefficients, rows_of, vectors};
+use super::arrays::{coefficients, rows_of, to_vec, vectors};
 use super::pieces::TileData;
 use super::rows::{Camera, Receivers};
 use super::{abandonable, compute, interruptible};
@@ -40,15 +40,39 @@ impl Scene {
     }
 }
 
+/// How much of a material is there, as Python says it.
+type OneOpacity<'py> = (f32, Option<f32>, Option<PyReadonlyArray2<'py, f32>>, [String; 2], bool);
+
+fn opacity((factor, cutoff, picture, wrap, nearest): OneOpacity<'_>) -> PyResult<Opacity> {
+    let [u, v] = wrap.map(|word| match word.as_str() {
+        "repeat" => Ok(Wrap::Repeat),
+        "clamp" => Ok(Wrap::Clamp),
+        "mirror" => Ok(Wrap::Mirror),
+        other => Err(Error::input(format!("expected \"repeat\", \"clamp\" or \"mirror\", got {other:?}"))),
+    });
+    let wrap = [u?, v?];
+    let picture = picture.map(|picture| {
+        let width = picture.shape()[1];
+        Picture::new(picture.as_array().iter().copied().collect(), width, wrap, nearest)
+    });
+    Ok(Opacity { factor, cutoff, picture: picture.transpose()? })
+}
+
 #[pymethods]
 impl Scene {
-    /// vertices (v, 3) float64, triangles (t, 3) uint32, material (t,) uint32.
+    /// vertices (v, 3) float64, triangles (t, 3) uint32, material (t,) uint32. `eye`: near it coordinates are the most
+    /// precise. `holes`: opacities of materials, (factor, cutoff or None, picture (h, w) float32 or None, how it goes on
+    /// along u and v, whether its nearest texel speaks) or None, with places of vertices in pictures (v, 2) and
+    /// opacities of their own (v,), both float32.
     #[new]
+    #[pyo3(signature = (vertices, triangles, material, *, eye = None, holes = None))]
     fn new(
         py: Python<'_>,
         vertices: PyReadonlyArray2<'_, f64>,
         triangles: PyReadonlyArray2<'_, u32>,
         material: PyReadonlyArray1<'_, u32>,
+        eye: Option<[f64; 3]>,
+        holes: Option<(Vec<Option<OneOpacity<'_>>>, PyReadonlyArray2<'_, f32>, PyReadonlyArray1<'_, f32>)>,
     ) -> PyResult<Self> {
         let vertices = vectors("vertices", &vertices)?;
         let triangles = vectors("triangles", &triangles)?;
@@ -57,9 +81,20 @@ impl Scene {
             let (expected, found) = (triangles.len(), material.len());
             return Err(PyValueError::new_err(format!("expected {expected} materials, one a triangle, got {found}")));
         }
+        let holes = match holes {
+            None => None,
+            Some((opacities, uv, own)) => {
+                let opacities = opacities.into_iter().map(|own| own.map(opacity).transpose());
+                Some((opacities.collect::<PyResult<Vec<_>>>()?, vectors("uv", &uv)?, to_vec(&own)))
+            }
+        };
         abandonable(py, move || {
-            let mesh = Mesh::new(&vertices, &triangles)?;
-            let tracer = Arc::new(Tracer::new(&mesh));
+            let mesh = Mesh::seen(&vertices, &triangles, eye)?;
+            let holes = match holes {
+                None => Holes::default(),
+                Some((opacities, uv, own)) => Holes::new(&mesh, &triangles, &material, opacities, &uv, &own)?,
+            };
+            let tracer = Arc::new(Tracer::with_holes(&mesh, holes));
             Ok(Scene { mesh, tracer, material })
         })
     }

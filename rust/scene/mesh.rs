@@ -2,7 +2,9 @@
 
 use crate::error::{Error, Result};
 
-/// Triangles of a scene, moved and scaled so that the largest extent of the box around them is between 1 and 2.
+/// Triangles of a scene, moved and scaled so that the largest extent of the box around them is between 1 and 2; or of the
+/// box around what is near the eye, where the rest lies far beyond it (a sun disc, a dome, a stray triangle): that has
+/// larger coordinates then, which are as precise for their size.
 ///
 /// The scale is a power of two and the move is made in f64: rays then meet the same bits at 1e-5 and at 1e6, and no
 /// tolerance of the tracer depends on the user's units.
@@ -28,9 +30,72 @@ pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
+/// How far receivers are lifted off their surface, in the normalised scene: above the rounding of any projected depth,
+/// below anything that can be seen.
+pub const LIFT: f64 = 4e-6;
+
+/// What rounding is measured in at a triangle: 1 in the unit box, and farther off its largest coordinate.
+pub(super) fn unit(corners: &[[f32; 3]; 3]) -> f32 {
+    corners.as_flattened().iter().fold(1.0, |most, x| most.max(x.abs()))
+}
+
+/// What is far begins so many times as far from the eye as what is near ends.
+const APART: f64 = 16.0;
+/// And the box around all is so many times as large.
+const FAR: f64 = 64.0;
+
+/// A box that no point is in yet.
+const NOTHING: [[f64; 3]; 2] = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+
+/// A box with more points in it.
+fn around(mut ends: [[f64; 3]; 2], points: [[f64; 3]; 3]) -> [[f64; 3]; 2] {
+    for (point, axis) in points.iter().flat_map(|point| (0..3).map(move |axis| (point, axis))) {
+        ends[0][axis] = ends[0][axis].min(point[axis]);
+        ends[1][axis] = ends[1][axis].max(point[axis]);
+    }
+    ends
+}
+
+fn extent([low, high]: [[f64; 3]; 2]) -> f64 {
+    (0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max)
+}
+
+/// The box that coordinates are measured in: around all triangles, or around those near the eye.
+fn focus(corners: impl Iterator<Item = [[f64; 3]; 3]> + Clone, eye: Option<[f64; 3]>) -> [[f64; 3]; 2] {
+    let whole = corners.clone().fold(NOTHING, around);
+    let Some(eye) = eye else { return whole };
+    let off = |point: [f64; 3]| (0..3).map(|axis| (point[axis] - eye[axis]).abs()).fold(0.0, f64::max);
+    // How far each triangle reaches, and where it begins.
+    let mut all: Vec<(f64, f64, usize)> = corners
+        .clone()
+        .enumerate()
+        .map(|(number, points)| {
+            let [a, b, c] = points.map(off);
+            (a.max(b).max(c), a.min(b).min(c), number)
+        })
+        .collect();
+    all.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut begins = f64::INFINITY;
+    for near in (1..all.len()).rev() {
+        begins = begins.min(all[near].1);
+        let reach = all[near - 1].0;
+        if begins >= APART * reach && extent(whole) >= FAR * reach {
+            let mut own = vec![false; all.len()];
+            all[..near].iter().for_each(|&(_, _, number)| own[number] = true);
+            return corners.zip(own).filter(|(_, own)| *own).fold(NOTHING, |ends, (points, _)| around(ends, points));
+        }
+    }
+    whole
+}
+
 impl Mesh {
     /// Errors: no triangles, an index out of range, a vertex that is not finite.
     pub fn new(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> Result<Self> {
+        Self::seen(vertices, triangles, None)
+    }
+
+    /// As it is seen from an eye, near which coordinates are the most precise.
+    pub fn seen(vertices: &[[f64; 3]], triangles: &[[u32; 3]], eye: Option<[f64; 3]>) -> Result<Self> {
         if triangles.is_empty() {
             return Err(Error::input("expected a scene with triangles, got none"));
         }
@@ -46,15 +111,9 @@ impl Mesh {
         }
 
         // Only vertices that a triangle uses count: a stray one must not shrink the scene.
-        let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-        for &vertex in triangles.iter().flatten() {
-            for axis in 0..3 {
-                low[axis] = low[axis].min(vertices[vertex as usize][axis]);
-                high[axis] = high[axis].max(vertices[vertex as usize][axis]);
-            }
-        }
+        let [low, high] = focus(triangles.iter().map(|t| t.map(|vertex| vertices[vertex as usize])), eye);
         let centre: [f64; 3] = std::array::from_fn(|axis| 0.5 * low[axis] + 0.5 * high[axis]);
-        let extent = (0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max);
+        let extent = extent([low, high]);
         let scale = if extent > 0.0 { (-extent.log2().floor()).exp2() } else { 1.0 };
         if !extent.is_finite() || !scale.is_finite() {
             return Err(Error::input(format!("expected a scene of finite, normal size, got an extent of {extent:e}")));
@@ -77,6 +136,11 @@ impl Mesh {
     /// A point of the user's space in the normalised one.
     pub fn normalised(&self, point: [f64; 3]) -> [f32; 3] {
         std::array::from_fn(|axis| ((point[axis] - self.centre[axis]) * self.scale) as f32)
+    }
+
+    /// How far points of a triangle are lifted off it.
+    pub fn lift(&self, triangle: usize) -> f64 {
+        LIFT * f64::from(unit(&self.corners[triangle]))
     }
 
     /// The place of a point of a triangle, by the weights of its corners 1 and 2.
@@ -110,9 +174,10 @@ impl Mesh {
         [((vv * wu - uv * wv) / area) as f32, ((uu * wv - uv * wu) / area) as f32]
     }
 
-    /// The largest extent of the box around them, in normalised units: from 1 to 2.
+    /// The largest extent of the box around them, in normalised units: from 1 to 2. What is far beyond does not count.
     pub fn extent(&self) -> f64 {
-        2.0 * self.corners.iter().flatten().flatten().fold(0.0f64, |most, &x| most.max(f64::from(x).abs()))
+        let near = self.corners.iter().flatten().flatten().map(|&x| f64::from(x).abs()).filter(|&x| x <= 1.0);
+        2.0 * near.fold(0.0f64, f64::max)
     }
 
     /// A point of the normalised scene in the user's space.

@@ -17,6 +17,8 @@ use crate::error::Result;
 
 /// Surfaces kept in one pixel; what is smaller joins the largest.
 const MAX_SURFACES: usize = 4;
+/// Rays along a side of a pixel that shows several surfaces.
+const SIDE: usize = 4;
 /// Cosine between normals of one surface.
 const SAME_NORMAL: f64 = 0.9;
 /// How far, relative to its distance, another point of one surface may lie off the tangent plane.
@@ -69,6 +71,14 @@ impl Seen {
     }
 }
 
+/// What a primary ray finds.
+#[derive(Clone, Copy)]
+struct Look {
+    seen: Option<Seen>,
+    /// Whether anything on its way was thin: its neighbours may find something else in the same surfaces.
+    thin: bool,
+}
+
 /// The primary rays of a camera into a scene.
 struct Primary<'a> {
     surfaces: Surfaces<'a>,
@@ -78,9 +88,11 @@ struct Primary<'a> {
 }
 
 impl Primary<'_> {
-    fn look(&self, x: f64, y: f64) -> Option<Seen> {
-        let at = self.surfaces.meet(self.eye, self.camera.direction(x, y))?;
-        Some(Seen { at, material: self.material[self.surfaces.mesh.source[at.triangle as usize] as usize] })
+    /// What a ray through a point of the picture finds.
+    fn look(&self, x: f64, y: f64) -> Look {
+        let (at, thin) = self.surfaces.look(self.eye, self.camera.direction(x, y));
+        let of = |at: Point| self.material[self.surfaces.mesh.source[at.triangle as usize] as usize];
+        Look { seen: at.map(|at| Seen { at, material: of(at) }), thin }
     }
 }
 
@@ -125,26 +137,36 @@ struct Pixel {
     rays: u64,
 }
 
-fn resolve(primary: &Primary, column: usize, row: usize, centre: Option<Seen>, corners: [Option<Seen>; 4]) -> Pixel {
-    let alike = corners.iter().all(|corner| match (&centre, corner) {
+fn resolve(primary: &Primary, column: usize, row: usize, centre: Look, corners: [Look; 4]) -> Pixel {
+    let thin = centre.thin || corners.iter().any(|corner| corner.thin);
+    let alike = corners.iter().all(|corner| match (&centre.seen, &corner.seen) {
         (Some(a), Some(b)) => a.same_surface(b),
         (None, None) => true,
         _ => false,
     });
-    if alike {
-        let background = centre.is_none() as u8 as f32;
-        return Pixel { surfaces: centre.map(|seen| (seen, 1.0)).into_iter().collect(), background, rays: 0 };
+    if alike && !thin {
+        return one_look(centre.seen);
     }
-    let mut samples = Vec::with_capacity(16);
-    for k in 0..16 {
-        let at = [(k % 4) as f64 * 0.25 + 0.125, (k / 4) as f64 * 0.25 + 0.125];
-        if let Some(seen) = primary.look(column as f64 + at[0], row as f64 + at[1]) {
+    // What is thin shows by how many rays it stops: that takes more of them than an edge.
+    let side = if thin { 2 * SIDE } else { SIDE };
+    let count = side * side;
+    let mut samples = Vec::with_capacity(count);
+    for k in 0..count {
+        let at = [k % side, k / side].map(|number| (number as f64 + 0.5) / side as f64);
+        if let Some(seen) = primary.look(column as f64 + at[0], row as f64 + at[1]).seen {
             samples.push((seen, at));
         }
     }
-    let background = 1.0 - samples.len() as f32 / 16.0;
-    let shares = surfaces(&samples).into_iter().map(|s| (s.representative(), s.members.len() as f32 / 16.0));
-    Pixel { surfaces: shares.collect(), background, rays: 16 }
+    let share = |rays: usize| rays as f32 / count as f32;
+    let background = 1.0 - share(samples.len());
+    let shares = surfaces(&samples).into_iter().map(|s| (s.representative(), share(s.members.len())));
+    Pixel { surfaces: shares.collect(), background, rays: count as u64 }
+}
+
+/// A pixel that one ray speaks for.
+fn one_look(seen: Option<Seen>) -> Pixel {
+    let background = seen.is_none() as u8 as f32;
+    Pixel { surfaces: seen.map(|seen| (seen, 1.0)).into_iter().collect(), background, rays: 0 }
 }
 
 fn interleave(column: usize, row: usize) -> u64 {
@@ -171,10 +193,7 @@ impl Receivers {
                 row_done()?;
                 Ok(match sampling {
                     PixelSampling::Centre => (0..width)
-                        .map(|column| {
-                            let centre = primary.look(column as f64 + 0.5, row as f64 + 0.5);
-                            resolve(&primary, column, row, centre, [centre; 4])
-                        })
+                        .map(|column| one_look(primary.look(column as f64 + 0.5, row as f64 + 0.5).seen))
                         .collect(),
                     PixelSampling::Edges => {
                         let line =

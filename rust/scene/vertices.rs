@@ -18,7 +18,6 @@ use rayon::prelude::*;
 use super::curve::{along_curve, facing};
 use super::near::Near;
 use super::pieces::Pieces;
-use super::rays::tracer::LIFT;
 use super::surface::{Point, Points, Surfaces, dot};
 use crate::error::Result;
 
@@ -140,7 +139,8 @@ impl Row {
         // Around a whole vertex the ways cancel.
         let apart = dot(along, along) > 0.01 * dot(self.middle, self.middle);
         let inwards = if apart { unit(along).unwrap_or([0.0; 3]) } else { [0.0; 3] };
-        let origin = std::array::from_fn(|k| at.place[k] + LIFT * (normal[k] + INWARDS * inwards[k]));
+        let lift = surfaces.mesh.lift(self.triangle);
+        let origin = std::array::from_fn(|k| at.place[k] + lift * (normal[k] + INWARDS * inwards[k]));
         Point { normal, origin, ..at }
     }
 }

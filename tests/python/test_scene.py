@@ -366,7 +366,7 @@ def test_obj_textures(tmp_path):
         ("a.obj", "v 0 0 0\nv 1 0 0\n", "no triangles"),
         ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 nan 0\nf 1 2 3\n", "vertices must be finite"),
         ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "a.obj"),
-        ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\nv 4 4 4\n", "relative"),
+        ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -4 -2 -1\nv 4 4 4\n", "relative number leads before"),
         ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 x\n", "a.obj"),
         ("a.ply", "ply\nformat ascii 1.0\nelement vertex 3\n", "a.ply"),
         ("a.ply", "ply\nformat binary_little_endian 1.0\nelement vertex 999999999999\nproperty float x\n"

@@ -25,7 +25,7 @@ fn form_factor(a: f64) -> f64 {
 }
 
 fn under(mesh: &Mesh) -> Points {
-    Points { origin: vec![mesh.normalised([0.0; 3])], normal: vec![[0.0, 1.0, 0.0]] }
+    Points { origin: vec![mesh.normalised([0.0; 3])], normal: vec![[0.0, 1.0, 0.0]], horizon: Vec::new() }
 }
 
 proptest! {

@@ -1,7 +1,7 @@
 //! Rays: every way of tracing them against brute force in f64, then the cases where ray tracers leak or hit themselves.
 
 use _core::scene::Mesh;
-use _core::scene::rays::{Apex, FAN, Fan, LIFT, Octant, Tracer, Walk, fans, walk};
+use _core::scene::rays::{Apex, FAN, Fan, Holes, LIFT, Octant, Opacity, Picture, Tracer, Walk, Wrap, fans, walk};
 use proptest::prelude::*;
 
 type Point = [f64; 3];
@@ -568,4 +568,99 @@ fn stray_vertices_do_not_count() {
     assert_eq!(mesh.scale, 1.0);
     assert_eq!(mesh.centre, [0.5, 0.5, 0.0]);
     assert_eq!(mesh.normal(0), [0.0, 0.0, 1.0]);
+}
+
+/// Opacities of all triangles by one picture, a checker of 4 x 4 texels over each.
+fn with_holes(soup: &Soup, mesh: &Mesh, factor: f32, cutoff: Option<f32>, checker: bool) -> Tracer {
+    let values = (0..16).map(|k| if (k / 4 + k % 4) % 2 == 0 { 1.0 } else { 0.0 }).collect();
+    let picture = checker.then(|| Picture::new(values, 4, [Wrap::Repeat; 2], true).expect("a picture"));
+    let opacity = Opacity { factor, cutoff, picture };
+    let count = soup.vertices.len();
+    let uv: Vec<[f32; 2]> = (0..count).map(|k| [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]][k % 3]).collect();
+    let material = vec![0; soup.triangles.len()];
+    let holes = Holes::new(mesh, &soup.triangles, &material, vec![Some(opacity)], &uv, &vec![1.0; count]);
+    Tracer::with_holes(mesh, holes.expect("holes"))
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    /// What is cut out is cut out for fans as for single rays, up to rays that pass along the border of a hole.
+    #[test]
+    fn holes_are_the_same_for_fans_and_single_rays(seed: u64, count in 1usize..120) {
+        let mut dice = Dice(seed);
+        let soup = Soup::random(count, 0.6, &mut dice);
+        let mesh = soup.mesh();
+        let (whole, tracer) = (Tracer::new(&mesh), with_holes(&soup, &mesh, 1.0, Some(0.5), true));
+        let (mut room, mut unlike, mut passed, mut rays) = (Walk::default(), 0, 0, 0);
+        for _ in 0..40 {
+            let origin = narrow(dice.point());
+            let directions: Vec<[f32; 3]> = (0..64).map(|_| narrow(dice.direction())).collect();
+            for (fan, places) in fans(&directions) {
+                let blocked = tracer.blocked(&Apex { origin, normal: [0.0; 3] }, &fan, fan.all(), &mut room);
+                for (ray, &place) in places.iter().enumerate() {
+                    let stopped = tracer.occluded(origin, directions[place]);
+                    unlike += usize::from(stopped != (blocked >> ray & 1 == 1));
+                    passed += usize::from(!stopped && whole.occluded(origin, directions[place]));
+                    prop_assert!(!stopped || whole.occluded(origin, directions[place]));
+                    prop_assert_eq!(stopped, tracer.closest_hit(origin, directions[place]).is_some());
+                    rays += 1;
+                }
+                prop_assert_eq!(room.thin, 0);
+            }
+        }
+        prop_assert!(200 * unlike <= rays, "{unlike} of {rays}");
+        prop_assert!(count < 60 || passed > 0);
+    }
+}
+
+/// A thin surface stops its share of rays, the same ray always, and says of all of them that they met it.
+#[test]
+fn thin_surfaces_stop_a_share() {
+    let mut soup = Soup::default();
+    soup.add([[-40.0, -40.0, 1.0], [40.0, -40.0, 1.0], [0.0, 60.0, 1.0]]);
+    let mesh = soup.mesh();
+    let tracer = with_holes(&soup, &mesh, 0.3, None, false);
+    let (mut dice, mut room) = (Dice(3), Walk::default());
+    let (mut by_fans, mut singles, mut rays) = (0, 0, 0);
+    for _ in 0..200 {
+        let origin = mesh.normalised([0.2 * dice.number(), 0.2 * dice.number(), 0.0]);
+        let directions: Vec<[f32; 3]> =
+            (0..64).map(|_| narrow(unit([0.3 * dice.number(), 0.3 * dice.number(), 1.0]))).collect();
+        for (fan, places) in fans(&directions) {
+            let from = Apex { origin, normal: [0.0; 3] };
+            let blocked = tracer.blocked(&from, &fan, fan.all(), &mut room);
+            assert_eq!(room.thin, fan.all());
+            assert_eq!(blocked, tracer.blocked(&from, &fan, fan.all(), &mut room));
+            by_fans += blocked.count_ones();
+            rays += places.len() as u32;
+        }
+        singles += directions.iter().filter(|&&way| tracer.occluded(origin, way)).count() as u32;
+    }
+    // Of 12,800 rays four standard errors are 1.6 %.
+    for stopped in [by_fans, singles] {
+        assert!((f64::from(stopped) / f64::from(rays) - 0.3).abs() < 0.016, "{stopped} of {rays}");
+    }
+}
+
+/// What lies far beyond what the eye is near keeps neither its place nor its scale; without the eye it does.
+#[test]
+fn what_is_far_does_not_count_near_the_eye() {
+    let mut soup = Soup::sphere(2);
+    let near = soup.mesh();
+    soup.add([[1e5, 0.0, 0.0], [1e5 + 1.0, 0.0, 0.0], [1e5, 1.0, 0.0]]);
+    let eye = Some([3.0, 1.0, 0.0]);
+    let mesh = Mesh::seen(&soup.vertices, &soup.triangles, eye).expect("a mesh");
+    assert_eq!((mesh.centre, mesh.scale, mesh.extent()), (near.centre, near.scale, near.extent()));
+    assert_eq!(mesh.corners[..near.corners.len()], near.corners[..]);
+    assert!(soup.mesh().scale < 1e-4);
+    // Its own points are lifted as far as their coordinates are rough, and rays meet it where it is.
+    let last = mesh.corners.len() - 1;
+    assert!(mesh.lift(last) > 1e4 * LIFT && mesh.lift(0) == LIFT);
+    let hit = Tracer::new(&mesh).closest_hit(mesh.normalised([1e5 + 0.2, 0.2, 50.0]), [0.0, 0.0, -1.0]);
+    assert_eq!(hit.map(|hit| hit.triangle), Some(last));
+    // A scene that reaches as far everywhere stays whole.
+    let spread = Soup::random(200, 0.1, &mut Dice(5));
+    let whole = Mesh::seen(&spread.vertices, &spread.triangles, Some([0.0; 3])).expect("a mesh");
+    assert_eq!((whole.centre, whole.scale), (spread.mesh().centre, spread.mesh().scale));
 }

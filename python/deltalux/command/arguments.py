@@ -13,6 +13,7 @@ from ..light.environment import Environment
 from ..light.layouts import LAYOUTS
 from ..light.motion import Motion
 from ..light.skies import BUILTIN
+from ..relight.backdrop import checked_backdrop
 from ..scene.builtin.catalogue import SCENES
 from ..scene.scene import Scene
 
@@ -61,6 +62,25 @@ def motion_of(chosen: argparse.Namespace) -> Motion:
     return Motion(rotate, chosen.frames, chosen.hold, axis)
 
 
+def add_background(command: argparse.ArgumentParser) -> None:
+    """The argument of what pictures show behind the scene."""
+    command.add_argument(
+        "--background",
+        type=read_background,
+        default="env",
+        metavar="env|none|#rrggbb",
+        help="behind the scene; default: %(default)s",
+    )
+
+
+def read_background(text: str) -> str:
+    """The environment, nothing, or a colour."""
+    try:
+        return checked_backdrop(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
 def read_size(text: str) -> tuple[int, int]:
     """A size in pixels, such as 512x512."""
     width, by, height = text.partition("x")
@@ -107,6 +127,11 @@ def read_axis(text: str) -> str | tuple[float, float, float]:
         raise argparse.ArgumentTypeError(f"expected x, y, z or three numbers like 0,1,0, got {text!r}") from None
 
 
+def read_view(text: str) -> str | tuple[tuple[float, float, float], tuple[float, float, float], float]:
+    """A camera, or the name of one in the file."""
+    return read_camera(text) if "," in text else text
+
+
 def read_camera(text: str) -> tuple[tuple[float, float, float], tuple[float, float, float], float]:
     """Position, target and field of view in degrees."""
     parts = text.split(":")
@@ -123,13 +148,19 @@ def scene_of(chosen: argparse.Namespace) -> Scene:
     name = chosen.scene
     if name not in SCENES and not Path(name).suffix and not os.path.exists(name):
         raise ValueError(f"expected a scene of {', '.join(SCENES)}, or a file, got {name!r}")
-    camera = None
-    if chosen.camera is not None:
-        position, target, fov = chosen.camera
+    camera = chosen.camera
+    if isinstance(camera, tuple):
+        position, target, fov = camera
         camera = Camera(position, target, vertical_fov=fov)
-    if chosen.size is not None and camera is not None:
+    if chosen.size is not None and isinstance(camera, Camera):
         camera = camera.resized(*chosen.size)
-    scene = Scene.builtin(name, camera) if name in SCENES else Scene.load(name, camera)
+    if name not in SCENES:
+        scene = Scene.load(name, camera, up=getattr(chosen, "up", "y"))
+    elif isinstance(camera, str) or getattr(chosen, "up", "y") != "y":
+        raise ValueError(f"expected --up and the name of a camera with a file only, got {name}")
+    else:
+        scene = Scene.builtin(name, camera)
+    scene = scene.with_ground() if getattr(chosen, "ground", False) else scene
     return scene if chosen.size is None else scene.with_camera(scene.camera.resized(*chosen.size))
 
 

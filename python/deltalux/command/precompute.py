@@ -13,7 +13,7 @@ from ..precomputation.room import check_folder_of
 from ..precomputation.run import Precomputation
 from ..scene.builtin.catalogue import SCENES
 from ..transport.transport import Transport
-from .arguments import add_command, read_bounces, read_camera, read_nodes, read_size, say, scene_of
+from .arguments import add_command, read_bounces, read_nodes, read_size, read_view, say, scene_of
 
 _RESUME = "stopped; the same command resumes where it left off"
 
@@ -31,8 +31,15 @@ def add(commands: Any) -> None:
         "--columns", default=COLUMNS, metavar="haar:N[+texels]|sh:N", help="basis of the light; default: %(default)s"
     )
     command.add_argument(
-        "--camera", type=read_camera, metavar="PX,PY,PZ:TX,TY,TZ[:FOV]", help="position, target, degrees"
+        "--camera",
+        type=read_view,
+        metavar="PX,PY,PZ:TX,TY,TZ[:FOV]|NAME",
+        help="position, target, degrees; or a camera of the file",
     )
+    command.add_argument(
+        "--up", choices=("y", "z"), default="y", help="axis that points upwards in the file; default: %(default)s"
+    )
+    command.add_argument("--ground", action="store_true", help="a grey plane under the scene")
     command.add_argument("--quality", choices=QUALITIES, default="publication", help="default: %(default)s")
     command.add_argument("--tolerance", type=float, help="relative error of the image from truncation, such as 0.01")
     command.add_argument(
@@ -55,7 +62,10 @@ def add(commands: Any) -> None:
         help="of one camera, or of the mesh; default: %(default)s",
     )
     command.add_argument(
-        "--normals", choices=("smooth", "flat"), default="smooth", help="of vertices; default: %(default)s"
+        "--normals",
+        choices=("smooth", "flat"),
+        default="smooth",
+        help="as the scene brings them, or of its triangles; default: %(default)s",
     )
     command.add_argument(
         "--refine", type=float, metavar="SHARE", help="split edges where vertices differ by more, such as 0.01"

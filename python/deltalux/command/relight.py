@@ -11,7 +11,7 @@ from ..light.sequences import SEQUENCES, make
 from ..relight.film import FORMATS, Film, check_frames, relight_frames
 from ..transport.transport import Transport
 from ..update.methods import WEIGHTS, Full, HarmonicOrder, Incremental, Linear, Method, Nonlinear, PerBand
-from .arguments import add_command, add_light, add_motion, environment_of, motion_of, say
+from .arguments import add_background, add_command, add_light, add_motion, environment_of, motion_of, say
 from .own import OWN, read_own
 
 _METHODS: dict[str, Callable[..., Method]] = {
@@ -41,6 +41,7 @@ def add(commands: Any) -> None:
     budget.add_argument("--error", type=float, metavar="RADIANCE", help="bound on the error, instead of --terms")
     command.add_argument("--weight", choices=WEIGHTS, help="what a change is worth; default: the method's own, area")
     command.add_argument("--exposure", type=float, metavar="STOPS", help="of the PNGs; default: chosen by the light")
+    add_background(command)
     command.add_argument("--format", choices=FORMATS, default="png", help="default: %(default)s")
     command.add_argument("--half", action="store_true", help="half floats in the EXRs: half the bytes")
     command.add_argument("-o", "--output", required=True, metavar="FOLDER")
@@ -53,7 +54,12 @@ def _relight(chosen: argparse.Namespace) -> None:
     chosen.when_stopped = f"stopped; the frames so far are in {chosen.output}"
     if chosen.half and chosen.format == "png":
         raise ValueError("expected --half with --format exr or both, got png, which has 8 bits")
-    options = {"exposure": chosen.exposure, "kind": chosen.format, "half": chosen.half}
+    options = {
+        "exposure": chosen.exposure,
+        "kind": chosen.format,
+        "half": chosen.half,
+        "background": chosen.background,
+    }
     say(relight_frames(transport, film, chosen.output, method, **options))
 
 

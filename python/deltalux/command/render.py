@@ -8,8 +8,9 @@ from typing import Any
 
 from ..camera import Camera
 from ..io import auto_exposure, save_image, to_display
+from ..relight.backdrop import Backdrop
 from ..transport.transport import Transport
-from .arguments import add_command, add_light, environment_of, read_camera, read_size, say
+from .arguments import add_background, add_command, add_light, environment_of, read_camera, read_size, say
 
 _SUFFIXES = (".exr", ".png")
 
@@ -28,6 +29,7 @@ def add(commands: Any) -> None:
     command.add_argument("--size", type=read_size, metavar="WxH", help="pixels; default: those of its scene")
     command.add_argument("--rotate", type=float, default=0.0, metavar="DEGREES", help="of the light about y")
     command.add_argument("--exposure", type=float, metavar="STOPS", help="of a PNG; default: chosen by the picture")
+    add_background(command)
     command.add_argument("--half", action="store_true", help="half floats in an EXR")
     command.add_argument("-o", "--output", required=True, metavar="FILE", help="a .png or an .exr")
 
@@ -44,12 +46,14 @@ def _render(chosen: argparse.Namespace) -> None:
     transport = Transport.open(chosen.transport)
     env = environment_of(chosen.env or "hall", chosen).rotated(chosen.rotate)
     B = transport.multiply(transport.coefficients(env))
-    if chosen.camera is None and chosen.size is None:
-        picture = transport.image(B, env)
-    else:
-        picture = transport.render(_camera(transport, chosen), B, env)
+    own = chosen.camera is None and chosen.size is None
+    backdrop = Backdrop(transport, chosen.background, None if own else _camera(transport, chosen))
+    picture = backdrop.picture(B, env)
     about = {"software": "deltalux", "deltalux:environment": env.name}
     exposure = auto_exposure(picture) if chosen.exposure is None else chosen.exposure
+    if chosen.background.startswith("#") and not exr:
+        # The colour is what displays show, whatever the exposure.
+        picture = backdrop.picture(B, env, exposure)
     save_image(path, picture if exr else to_display(picture, exposure), about, half=chosen.half)
     say(f"{path}: {picture.shape[1]} x {picture.shape[0]} pixels" + ("" if exr else f", {exposure:+.2f} stops"))
 

@@ -95,8 +95,22 @@ def make_plan(prepared: Prepared) -> Plan:
             *(f"{count:,} {what}" for what, count in _found(prepared).items() if count),
             *_factors(prepared),
             *scene.warnings,
+            *_hardly_seen(prepared),
         ],
     )
+
+
+_HARDLY = 0.01
+"""A camera that shows the scene in a smaller share of its pixels was hardly meant."""
+
+
+def _hardly_seen(prepared: Prepared) -> list[str]:
+    """Whether nearly all of the picture shows nothing."""
+    camera = prepared.scene.camera
+    seen = 1.0 - prepared.rows.unseen / (camera.width * camera.height)
+    if prepared.request.receivers != "pixels" or seen >= _HARDLY:
+        return []
+    return [f"{100 * seen:.2g} % of the pixels see the scene: another camera would show more of it"]
 
 
 def _materials(prepared: Prepared) -> str:
@@ -322,6 +336,11 @@ def _left_out(prepared: Prepared, probe: _Probe, part: Part) -> list[LeftOut]:
         left_out.append(LeftOut("reflections of surfaces", "factors of a lobe may be negative, weights of nodes not"))
     if prepared.texels_left_out:
         left_out.append(LeftOut("texel columns", prepared.texels_left_out))
+    if any(relief is not None for relief in scene.reliefs):
+        if prepared.request.receivers == "vertices":
+            left_out.append(LeftOut("pictures of normals", "vertices face as the mesh does"))
+        elif prepared.request.normals == "flat":
+            left_out.append(LeftOut("pictures of normals", "not asked for"))
     behind = prepared.rows.unseen
     if behind:
         left_out.append(LeftOut("rows for pixels without a surface", f"{behind:,} pixels show the environment itself"))

@@ -123,14 +123,17 @@ class Prepared:
             # copy.
             if request.receivers == "vertices":
                 self.texels_left_out = "factors of lobes are signed; suns reach glossy vertices through wavelets"
+            elif scene.turned:
+                self.texels_left_out = "tangents of lobes are not kept; suns reach their rows through wavelets"
             elif any(isinstance(model, Measured) for model in scene.models):
                 self.texels_left_out = (
                     "tables of measured materials are not kept; suns reach their rows through wavelets"
                 )
         if self.texels_left_out:
             self.columns = Haar(self.columns.face)
-        self.core = scene.traced()
+        self.core = scene.traced(scene.camera.position)
         self.factored: dict[int, Factored] = {}
+        self.turns: np.ndarray | None = None
         self.camera = scene.camera.rays()
         self.rows = self._found()
         self.count = len(self.rows)
@@ -151,7 +154,7 @@ class Prepared:
     def _found(self) -> Receivers:
         scene = self.scene
         if self.request.receivers == "pixels":
-            rows = self.core.receivers(self.camera, edges=self.settings.edges)
+            rows = self._shaded(self.core.receivers(self.camera, edges=self.settings.edges))
             if not self.glossy:
                 return rows
             lobes = [lobes_of(model) for model in scene.models]
@@ -172,12 +175,23 @@ class Prepared:
         tables = [
             self.factored[number].light if number in self.factored else nothing for number in range(len(scene.albedo))
         ]
-        return rows.factored(scene.material[rows.triangle], tables)
+        self.turns = scene.turns(rows.triangle, rows.barycentric, rows.normal)
+        return rows.factored(scene.material[rows.triangle], tables, self.turns)
+
+    def _shaded(self, rows: Receivers) -> Receivers:
+        """The rows of pixels with the normals that the scene brings, and tangents for lobes that ask for them."""
+        scene, at = self.scene, (rows.triangle, rows.barycentric)
+        normals = None
+        if self.request.normals == "smooth" and len(rows):
+            normals = scene.shading_normals(*at, rows.normal, scene.camera)
+        turns = scene.turns(*at, rows.normal if normals is None else normals) if self.glossy else None
+        return rows if normals is None and turns is None else rows.shaded(normals, turns)
 
     def albedo(self) -> np.ndarray:
         """What the response of each row is multiplied by: the diffuse albedo, or the colour of its lobe."""
         scene, rows = self.scene, self.rows
-        albedo = scene.albedo_at(rows.triangle, rows.barycentric)
+        pixels = self.request.receivers == "pixels"
+        albedo = scene.albedo_at(rows.triangle, rows.barycentric, scene.camera if pixels else None)
         lobe, material = rows.lobe, scene.material[rows.triangle]
         if scene.specular is not None:
             for number, model in enumerate(scene.models):
@@ -209,7 +223,8 @@ class Prepared:
         if not self.factored:
             return shown
         eyes = {f"eye.{number:05}": factors.eye for number, factors in self.factored.items()}
-        return shown | {"base": rows.base, "factor": rows.lobe.astype(np.uint32)} | eyes
+        turned = {} if self.turns is None else {"turn": self.turns[rows.base]}
+        return shown | {"base": rows.base, "factor": rows.lobe.astype(np.uint32)} | eyes | turned
 
     @property
     def asked(self) -> dict[str, object]:
@@ -221,6 +236,8 @@ class Prepared:
         asked |= {} if request.gloss else {"gloss": False}
         if request.receivers == "vertices":
             asked |= {"vertices": request.normals, "factors": request.factors}
+        elif request.normals != "smooth":
+            asked |= {"normals": request.normals}
         return asked
 
     @property

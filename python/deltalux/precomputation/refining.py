@@ -62,7 +62,7 @@ def _edges(scene: Scene) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 def _too_long(scene: Scene, limit: float, normals: str) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
     """The edges to be split, and their lengths."""
-    core = scene.traced()
+    core = scene.traced(scene.camera.position)
     rows = core.vertices(scene.triangles, shading=normals, normals=scene.normals)
     number, edges = _edges(scene)
     apart = np.zeros(len(edges))
@@ -122,6 +122,9 @@ def _split(scene: Scene, chosen: NDArray[np.intp]) -> Scene:
         material=scene.material[of_triangle[order]],
         uv=None if scene.uv is None else mean(scene.uv),
         normals=None if scene.normals is None else mean(scene.normals),
+        colours=None if scene.colours is None else mean(scene.colours),
+        tangents=None if scene.tangents is None else mean(scene.tangents),
+        opacity=None if scene.opacity is None else mean(scene.opacity),
     )
 
 

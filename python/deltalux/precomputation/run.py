@@ -117,8 +117,9 @@ def precompute(
     nodes
         "auto", as many as light between surfaces varies (at most 32,768), or the most that there may be.
     normals
-        Of vertices: "smooth", as the scene brings them, else the mean of the faces around by area, up to creases of 40
-        degrees; or "flat".
+        "smooth", as the scene brings them, with the pictures of normals that its materials have in pixels; or "flat",
+        of its triangles. Where it brings none, pixels are flat, and vertices have the mean of the faces around by
+        area, up to creases of 40 degrees. Nothing is seen below the horizon of either.
     gloss
         Whether materials with a lobe have rows for it, as the camera sees them (without them it is black to the eye,
         but reflects between surfaces as if it were diffuse). What they reflect of other surfaces takes bounces, and is

@@ -21,6 +21,7 @@ from ..output import Table, check_folder, claim
 from ..progress import Progress, reporter
 from ..transport.transport import Transport
 from ..update.methods import Method
+from .backdrop import Backdrop
 from .relighter import Relighter
 
 __all__ = ["FORMATS", "Film", "Relit", "check_frames", "relight_frames"]
@@ -86,6 +87,7 @@ def relight_frames(
     exposure: float | None = None,
     kind: str = "png",
     half: bool = False,
+    background: str = "env",
     progress: bool | Progress = True,
 ) -> Relit:
     """Relights every frame of a moving light and writes it.
@@ -98,13 +100,15 @@ def relight_frames(
         A key of `FORMATS`: PNG for a display, EXR in linear radiance, or both.
     half
         Half floats in the EXRs.
+    background
+        What is shown where no surface is: "env", "none" (black), or a colour, "#rrggbb".
 
     Raises
     ------
     ValueError, OSError
         If an argument cannot be used or the folder not be written.
     """
-    relighter = Relighter(transport, method)
+    relighter, backdrop = Relighter(transport, method), Backdrop(transport, background)
     path = claim(folder, _names(film.frames, kind))
     if exposure is None:
         exposure = auto_exposure(transport.image(transport.multiply(transport.coefficients(film.key))))
@@ -112,7 +116,7 @@ def relight_frames(
     with _Encoder(exposure, half) as encoder:
         for k, env in enumerate(film.lights):
             frame = relighter.step(env)
-            picture = frame.image
+            picture = frame.image if background == "env" else backdrop.picture(frame.values, env, exposure)
             about: dict[str, str | int | float] = {
                 "software": "deltalux",
                 "deltalux:environment": env.name,

@@ -84,19 +84,30 @@ def check_corners(corners: np.ndarray, vertices: int) -> None:
         )
 
 
-def checked_normals(normals: npt.ArrayLike, vertices: tuple[int, ...]) -> np.ndarray:
+def checked_normals(normals: npt.ArrayLike, vertices: tuple[int, ...], name: str = "normals") -> np.ndarray:
     """Unit vectors, one for each vertex."""
-    vectors = real_array("normals", normals, np.float64)
+    vectors = real_array(name, normals, np.float64)
     if vectors.shape != vertices:
-        raise ValueError(f"normals must have shape {vertices}, one per vertex, got {vectors.shape}")
+        raise ValueError(f"{name} must have shape {vertices}, one per vertex, got {vectors.shape}")
     lengths = np.linalg.norm(vectors, axis=1)
     bad = np.flatnonzero(~(np.isfinite(lengths) & (lengths > 0)))
     if len(bad):
         raise ValueError(
-            f"normals must be finite and longer than 0, but {len(bad)} of {len(vectors)} are not; "
+            f"{name} must be finite and longer than 0, but {len(bad)} of {len(vectors)} are not; "
             f"the first is that of vertex {bad[0]}"
         )
     return np.asarray(vectors / lengths[:, None])
+
+
+def checked_tangents(tangents: npt.ArrayLike, vertices: int) -> np.ndarray:
+    """Unit vectors, one for each vertex, and the sense of its bitangent."""
+    vectors = real_array("tangents", tangents, np.float64)
+    if vectors.ndim != 2 or len(vectors) != vertices or vectors.shape[1] not in (3, 4):
+        raise ValueError(f"tangents must have shape ({vertices}, 3) or ({vertices}, 4), got {vectors.shape}")
+    along = checked_normals(vectors[:, :3], (vertices, 3), "tangents")
+    sense = np.ones((vertices, 1))
+    sense[(vectors[:, 3:] < 0.0).any(axis=1)] = -1.0
+    return np.concatenate([along, sense], axis=1)
 
 
 def checked_materials(materials: Sequence[Material], numbers: npt.ArrayLike | None, triangles: int) -> np.ndarray:

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from ..camera import Camera
+from ..surface.cutout import Cutout
+from ..surface.texture import Sampler
 
 MOST_TRIANGLES = 100_000_000
 # Of all textures together, 3 GB as linear floats: a picture of one colour takes next to nothing in a file.
 MOST_TEXELS = 1 << 28
 # Surfaces of which the source does not say the colour are middle grey.
 DEFAULT_ALBEDO = (0.5, 0.5, 0.5)
+_PLAIN = Sampler()
 
 
 @dataclass(frozen=True)
@@ -25,6 +28,27 @@ class Piece:
     triangles: np.ndarray
     uv: np.ndarray | None
     material: int
+    normals: np.ndarray | None = None
+    """Of vertices, of any length; 0 where one has none."""
+    tangents: np.ndarray | None = None
+    """(v, 4): along u, and the sense of the bitangent."""
+    colours: np.ndarray | None = None
+    """Linear factors of the albedo."""
+    opacity: np.ndarray | None = None
+    """Factors of the opacity."""
+
+    def placed(self, matrix: np.ndarray) -> Piece:
+        """The same, moved by a 4 x 4 matrix; normals stay across the surface."""
+        linear = matrix[:3, :3]
+        # The cofactors: the inverse's transpose as far as directions go, and there for flattened meshes too.
+        across = np.stack([np.cross(linear[(k + 1) % 3], linear[(k + 2) % 3]) for k in range(3)])
+        normals = None if self.normals is None else self.normals @ across.T
+        tangents = self.tangents
+        if tangents is not None:
+            sense = np.where(np.linalg.det(linear) < 0.0, -1.0, 1.0) * tangents[:, 3:]
+            tangents = np.concatenate([tangents[:, :3] @ linear.T, sense], axis=1)
+        points = self.vertices @ linear.T + matrix[:3, 3]
+        return replace(self, vertices=points, normals=normals, tangents=tangents)
 
 
 @dataclass
@@ -42,19 +66,37 @@ class Content:
     texels: int = 0
     counted: set[int] = field(default_factory=set)
     """Identities of the textures whose texels are in the sum: materials share them."""
-    camera: Camera | None = None
+    samplers: list[Sampler] = field(default_factory=list)
+    reliefs: list[np.ndarray | None] = field(default_factory=list)
+    cutouts: list[Cutout | None] = field(default_factory=list)
+    cameras: dict[str, Camera] = field(default_factory=dict)
+    """By name; the first is the one that the content is seen by unless another is asked for."""
+    wanted: int | str | None = None
+    """Which of a file's scenes, by its number or its name."""
     counts: Counter[str] = field(default_factory=Counter)
     warnings: list[str] = field(default_factory=list)
 
     def add_material(
-        self, albedo: Any, texture: np.ndarray | None = None, emission: Any = (0.0, 0.0, 0.0), name: str = ""
+        self,
+        albedo: Any,
+        texture: np.ndarray | None = None,
+        emission: Any = (0.0, 0.0, 0.0),
+        name: str = "",
+        *,
+        sampler: Sampler = _PLAIN,
+        relief: np.ndarray | None = None,
+        cutout: Cutout | None = None,
     ) -> int:
         """Append a material and return its index."""
-        if texture is not None and id(texture) not in self.counted:
-            self.counted.add(id(texture))
-            self.texels += texture.shape[0] * texture.shape[1]
-            if self.texels > MOST_TEXELS:
-                raise ValueError(f"the textures have more than {MOST_TEXELS} pixels together")
+        for picture in (texture, relief, None if cutout is None else cutout.picture):
+            if picture is not None and id(picture) not in self.counted:
+                self.counted.add(id(picture))
+                self.texels += picture.shape[0] * picture.shape[1]
+                if self.texels > MOST_TEXELS:
+                    raise ValueError(f"the textures have more than {MOST_TEXELS} pixels together")
+        self.samplers.append(sampler)
+        self.reliefs.append(relief)
+        self.cutouts.append(cutout)
         self.albedo.append(tuple(float(value) for value in albedo[:3]))
         self.emission.append(tuple(float(value) for value in emission[:3]))
         self.names.append(name)

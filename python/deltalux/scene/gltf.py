@@ -1,312 +1,242 @@
-"""glTF 2.0 (.gltf, .glb): meshes placed by their nodes, base colours and their textures, a perspective camera.
+"""glTF 2.0 (.gltf, .glb): meshes placed by their nodes, skinned and morphed as the file stands, and its cameras.
 
 Read here rather than by a library because colours must stay floats, cameras must follow their parents, offsets of
-an untrusted file must be checked, and no file outside the scene's folder may be opened.
-Source: Khronos, glTF 2.0, sections 3.5 (nodes), 3.6 (accessors), 3.9 (materials), 3.10 (cameras), 4 (GLB).
+an untrusted file must be checked, and no file may be opened that is not near the scene.
+Source: Khronos, glTF 2.0, sections 3.5 (nodes), 3.7 (meshes, morph targets, skins), 3.10 (cameras).
 """
 
 from __future__ import annotations
 
-import base64
-import io
-import json
 import math
-import struct
-import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
-from urllib.parse import unquote
 
 import numpy as np
 
 from ..camera import LARGEST_PICTURE, Camera
-from .content import DEFAULT_ALBEDO, MOST_TRIANGLES, Content, Piece
-from .texture import linear_texture
+from .content import Content, Piece
+from .gltf_data import Data, chunks, item
+from .gltf_materials import Materials
 
-COMPONENT = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
-WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 TRIANGLES, STRIP, FAN = 4, 5, 6
-# Elements of an accessor that the file does not hold are zeros, and cost its writer nothing but their number.
-MOST_IMPLIED = 1 << 20
-# What a file may require and still be shown: all others of these only change the look of surfaces.
-UNDERSTOOD = ("KHR_materials_", "KHR_mesh_quantization", "KHR_lights_punctual", "KHR_texture_", "EXT_texture_")
+DONE = {
+    "EXT_mesh_gpu_instancing",
+    "EXT_texture_webp",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+}
+"""Extensions that are shown."""
+_LOOKS = (
+    "anisotropy", "clearcoat", "diffuse_transmission", "dispersion", "ior", "iridescence", "sheen", "specular",
+    "transmission", "unlit", "variants", "volume",
+)  # fmt: skip
+SHOWN_WITHOUT = {f"KHR_materials_{look}" for look in _LOOKS} | {
+    "KHR_animation_pointer",
+    "KHR_lights_punctual",
+    "KHR_xmp_json_ld",
+}
+"""Extensions that a file may require and still be shown: they change the look of surfaces, or what moves."""
 
 
 def read(content: Content, folder: Path, data: bytes, kind: str) -> None:
-    """Fill `content` from the bytes of a file of `kind` "gltf" or "glb", which may name others in its folder."""
-    _Reader(content, folder, *_chunks(data, kind)).run()
-
-
-def _chunks(data: bytes, kind: str) -> tuple[dict[str, Any], bytes | None]:
-    """The JSON and, of a .glb, the binary chunk (GLB: 12 bytes of header, then chunks of length, type, content)."""
-    if kind == "gltf":
-        return json.loads(data), None
-    if len(data) < 20 or data[:4] != b"glTF":
-        raise ValueError("not a GLB file: it does not begin with glTF")
-    version, length = struct.unpack_from("<II", data, 4)
-    if version != 2:
-        raise ValueError(f"expected version 2 of glTF, got {version}")
-    if length > len(data):
-        raise ValueError(f"truncated: {length} bytes announced, {len(data)} found")
-    chunks: dict[bytes, bytes] = {}
-    at = 12
-    while at + 8 <= length:
-        size, name = struct.unpack_from("<I4s", data, at)
-        if at + 8 + size > length:
-            raise ValueError(f"truncated: a chunk of {size} bytes passes the end")
-        chunks.setdefault(name, data[at + 8 : at + 8 + size])
-        at += 8 + size
-    return json.loads(chunks[b"JSON"]), chunks.get(b"BIN\0")
+    """Fill `content` from the bytes of a file of `kind` "gltf" or "glb", which may name others near it."""
+    _Reader(content, Data(folder, *chunks(data, kind))).run()
 
 
 class _Reader:
     """One file, with what has been decoded of it so far."""
 
-    def __init__(self, content: Content, folder: Path, tree: dict[str, Any], binary: bytes | None) -> None:
-        self.content, self.folder, self.tree, self.binary = content, folder, tree, binary
-        self.buffers: dict[int, bytes] = {}
-        self.pictures: dict[int, np.ndarray | None] = {}
-        self.materials: dict[int | None, int] = {}
-        self.meshes: dict[int, list[Piece]] = {}
+    def __init__(self, content: Content, data: Data) -> None:
+        self.content, self.data, self.tree = content, data, data.tree
+        self.materials = Materials(content, data)
+        self.nodes: list[dict[str, Any]] = self.tree.get("nodes", [])
+        self.meshes: dict[tuple[int, tuple[float, ...]], list[tuple[Piece, dict[str, Any]]]] = {}
 
     def run(self) -> None:
-        """Walk the nodes of the default scene, placing meshes and the first camera."""
+        """Walk the nodes of a scene, placing meshes and cameras."""
         if int(str(self.tree.get("asset", {}).get("version", "2")).split(".")[0]) != 2:
             raise ValueError(f"expected version 2 of glTF, got {self.tree['asset']['version']}")
-        for extension in self.tree.get("extensionsRequired", []):
-            if not extension.startswith(UNDERSTOOD):
+        self._check_extensions()
+        # Joints of skins may lie outside the scene.
+        worlds = self._worlds(self._orphans())
+        for index, world in self._worlds(self._roots()).items():
+            node = self.nodes[index]
+            if "mesh" in node:
+                for place in self._instances(node, world):
+                    self._place(node, place, worlds)
+            if "camera" in node:
+                self._see(node, world)
+
+    def _check_extensions(self) -> None:
+        """Refuse what the file cannot be shown without, and note what it is shown without."""
+        required = self.tree.get("extensionsRequired", [])
+        for extension in required:
+            if extension not in DONE | SHOWN_WITHOUT:
                 raise ValueError(f"the file requires {extension}, which is not supported")
-        nodes = self.tree.get("nodes", [])
-        waiting = [(root, np.eye(4)) for root in reversed(self._roots())]
-        visited: set[int] = set()
+        for extension in dict.fromkeys([*self.tree.get("extensionsUsed", []), *required]):
+            if extension not in DONE:
+                self.content.leave_out(str(extension), "the file uses this extension, which is not shown")
+
+    def _worlds(self, roots: list[int]) -> dict[int, np.ndarray]:
+        """Of each node under some roots its matrix in the world, parents before children."""
+        found: dict[int, np.ndarray] = {}
+        waiting = [(root, np.eye(4)) for root in reversed(roots)]
         while waiting:
             index, parent = waiting.pop()
-            if index in visited:
+            if index in found:
                 raise ValueError(f"node {index} has two parents or is its own ancestor")
-            visited.add(index)
-            node = _item(nodes, index, "node")
-            world = parent @ _transform(node)
-            if "mesh" in node:
-                self._place(node["mesh"], world)
-            if "camera" in node:
-                self._see(node["camera"], world)
-            waiting += [(child, world) for child in reversed(node.get("children", []))]
+            node = item(self.nodes, index, "node")
+            found[index] = parent @ _transform(node)
+            waiting += [(child, found[index]) for child in reversed(node.get("children", []))]
+        return found
+
+    def _orphans(self) -> list[int]:
+        children = {child for node in self.nodes for child in node.get("children", [])}
+        return [index for index in range(len(self.nodes)) if index not in children]
 
     def _roots(self) -> list[int]:
-        """The nodes of the default scene; without scenes, all that are nobody's children."""
-        if self.tree.get("scenes"):
-            roots: list[int] = _item(self.tree["scenes"], self.tree.get("scene", 0), "scene").get("nodes", [])
-            return roots
-        nodes = self.tree.get("nodes", [])
-        children = {child for node in nodes for child in node.get("children", [])}
-        return [index for index in range(len(nodes)) if index not in children]
+        """The nodes of the scene that is wanted, or of the default one; without scenes, those without a parent."""
+        scenes, wanted = self.tree.get("scenes", []), self.content.wanted
+        named = {str(scene.get("name", "")): number for number, scene in reversed(list(enumerate(scenes)))}
+        if isinstance(wanted, str):
+            if wanted not in named:
+                raise ValueError(
+                    f"expected the name of a scene ({', '.join(filter(None, named)) or 'none'}), got {wanted!r}"
+                )
+            wanted = named[wanted]
+        if not scenes and wanted is None:
+            return self._orphans()
+        if len(scenes) > 1 and wanted is None:
+            self.content.leave_out("scenes ignored", f"one of {len(scenes)} is shown; scene= chooses another")
+        roots: list[int] = item(scenes, self.tree.get("scene", 0) if wanted is None else wanted, "scene").get(
+            "nodes", []
+        )
+        return roots
 
-    def _place(self, mesh: int, world: np.ndarray) -> None:
+    def _instances(self, node: dict[str, Any], world: np.ndarray) -> list[np.ndarray]:
+        """The matrices of a node's mesh: one, or those of EXT_mesh_gpu_instancing."""
+        attributes = node.get("extensions", {}).get("EXT_mesh_gpu_instancing", {}).get("attributes")
+        if attributes is None:
+            return [world]
+        named = {"TRANSLATION": "VEC3", "ROTATION": "VEC4", "SCALE": "VEC3"}
+        values = {
+            name: self.data.accessor(attributes[name], shape) for name, shape in named.items() if name in attributes
+        }
+        count = min((len(own) for own in values.values()), default=0)
+        return [world @ _transform({name.lower(): own[k] for name, own in values.items()}) for k in range(count)]
+
+    def _place(self, node: dict[str, Any], world: np.ndarray, worlds: dict[int, np.ndarray]) -> None:
         """Add an instance of a mesh; its accessors are decoded once."""
-        if mesh not in self.meshes:
-            primitives = _item(self.tree.get("meshes", []), mesh, "mesh").get("primitives", [])
-            self.meshes[mesh] = [piece for piece in map(self._primitive, primitives) if piece is not None]
-        for piece in self.meshes[mesh]:
-            points = piece.vertices @ world[:3, :3].T + world[:3, 3]
-            self.content.add_piece(Piece(points, piece.triangles, piece.uv, piece.material))
+        mesh = item(self.tree.get("meshes", []), node["mesh"], "mesh")
+        weights = tuple(float(weight) for weight in node.get("weights", mesh.get("weights", ())))
+        key = (node["mesh"], weights)
+        if key not in self.meshes:
+            found = ((self._primitive(own, weights), own) for own in mesh.get("primitives", []))
+            self.meshes[key] = [(piece, own) for piece, own in found if piece is not None]
+        for piece, primitive in self.meshes[key]:
+            if "skin" in node and "JOINTS_0" in primitive["attributes"]:
+                self.content.add_piece(self._skinned(piece, primitive["attributes"], node["skin"], worlds))
+            else:
+                self.content.add_piece(piece.placed(world))
 
-    def _primitive(self, primitive: dict[str, Any]) -> Piece | None:
+    def _primitive(self, primitive: dict[str, Any], weights: tuple[float, ...]) -> Piece | None:
         """The triangles of a primitive, in the mesh's own space."""
         mode, attributes = primitive.get("mode", TRIANGLES), primitive.get("attributes", {})
         if mode not in (TRIANGLES, STRIP, FAN) or "POSITION" not in attributes:
             self.content.leave_out("geometries without triangles", "points and lines are not shown")
             return None
-        points = self._accessor(attributes["POSITION"], "VEC3").astype(np.float64)
+        points = self.data.accessor(attributes["POSITION"], "VEC3").astype(np.float64)
+        count = len(points)
         if "indices" in primitive:
-            order = self._accessor(primitive["indices"], "SCALAR").reshape(-1).astype(np.int64)
+            order = self.data.accessor(primitive["indices"], "SCALAR").reshape(-1).astype(np.int64)
         else:
-            order = np.arange(len(points))
-        material = self._material(primitive.get("material"))
-        if "COLOR_0" in attributes:
-            self.content.leave_out("meshes with vertex colours", "the colours of vertices are not shown")
-        uv = None
-        if self.content.textures[material] is not None:
-            channel = f"TEXCOORD_{self._base_colour(primitive['material']).get('texCoord', 0)}"
-            if channel in attributes:
-                uv = self._accessor(attributes[channel], "VEC2").astype(np.float64)
-                # glTF measures v downwards.
-                uv[:, 1] = 1.0 - uv[:, 1]
-                if len(uv) != len(points):
-                    raise ValueError(f"{len(points)} vertices have {len(uv)} texture coordinates")
+            order = np.arange(count)
         triangles = _corners(order, mode)
-        return Piece(points, triangles, uv, material) if len(triangles) else None
-
-    def _material(self, index: int | None) -> int:
-        """The material's place in the content, added when first met."""
-        if index is None:
-            self.content.counts["meshes without material"] += 1
-        if index in self.materials:
-            return self.materials[index]
-        albedo: Any = DEFAULT_ALBEDO
-        texture, name = None, ""
-        emission: tuple[float, ...] = (0.0, 0.0, 0.0)
-        if index is not None:
-            stated = _item(self.tree.get("materials", []), index, "material")
-            albedo = stated.get("pbrMetallicRoughness", {}).get("baseColorFactor", (1.0, 1.0, 1.0))
-            texture = self._picture(self._base_colour(index))
-            if stated.get("alphaMode", "OPAQUE") != "OPAQUE":
-                self.content.leave_out("transparent materials", "shown opaque")
-            emission, name = self._emission(stated), str(stated.get("name", ""))
-        self.materials[index] = self.content.add_material(albedo, texture, emission, name)
-        return self.materials[index]
-
-    def _emission(self, stated: dict[str, Any]) -> tuple[float, ...]:
-        """The radiance that a material gives off; of what a picture modulates, nothing."""
-        factor = stated.get("emissiveFactor", (0.0, 0.0, 0.0))
-        strength = stated.get("extensions", {}).get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
-        if any(factor) and "emissiveTexture" in stated:
-            self.content.leave_out("emissive textures", "what they give off is left out")
-            return 0.0, 0.0, 0.0
-        return tuple(float(value) * float(strength) for value in factor)
-
-    def _base_colour(self, material: int) -> dict[str, Any]:
-        """The reference to a material's base colour texture, empty where it has none."""
-        stated = self.tree["materials"][material].get("pbrMetallicRoughness", {})
-        reference: dict[str, Any] = stated.get("baseColorTexture", {})
-        return reference
-
-    def _picture(self, reference: dict[str, Any]) -> np.ndarray | None:
-        """A texture's linear values; what cannot be read is counted, and the base colour alone is used."""
-        if "index" not in reference:
+        if len(triangles) == 0:
             return None
-        if "KHR_texture_transform" in reference.get("extensions", {}):
-            self.content.leave_out("texture transforms", "textures are placed without them")
-        source = _item(self.tree.get("textures", []), reference["index"], "texture").get("source")
-        if source is None:
-            self.content.leave_out("textures ignored", "their format is an extension")
-            return None
-        if source not in self.pictures:
-            self.pictures[source] = self._decode(_item(self.tree.get("images", []), source, "image"))
-        return self.pictures[source]
+        material, placing = self.materials.number(primitive.get("material"))
+        uv = self.data.attribute(attributes, f"TEXCOORD_{placing.channel}", count, "VEC2")
+        tint = self.data.attribute(attributes, "COLOR_0", count, "VEC3", "VEC4")
+        cut = self.content.cutouts[material] is not None and tint is not None and tint.shape[1] == 4
+        piece = Piece(
+            points,
+            triangles,
+            None if uv is None else placing.of(uv),
+            material,
+            normals=self.data.attribute(attributes, "NORMAL", count, "VEC3"),
+            tangents=self.data.attribute(attributes, "TANGENT", count, "VEC4"),
+            colours=None if tint is None else tint[:, :3],
+            opacity=tint[:, 3] if cut and tint is not None else None,
+        )
+        return self._morphed(piece, primitive.get("targets", []), weights)
 
-    def _decode(self, image: dict[str, Any]) -> np.ndarray | None:
-        # A path that leaves the folder is an attack, not a missing picture.
-        if "uri" in image and not image["uri"].startswith("data:"):
-            self._path(image["uri"])
-        from PIL import Image
+    def _morphed(self, piece: Piece, targets: list[dict[str, Any]], weights: tuple[float, ...]) -> Piece:
+        """With what the morph targets add at the weights of the file."""
+        for target, weight in zip(targets, weights, strict=False):
+            if weight == 0.0:
+                continue
+            names = {"POSITION": "vertices", "NORMAL": "normals", "TANGENT": "tangents"}
+            for name, own in names.items():
+                added, base = self.data.attribute(target, name, len(piece.vertices), "VEC3"), getattr(piece, own)
+                if added is not None and base is not None:
+                    moved = base.copy()
+                    moved[:, :3] += weight * added
+                    piece = replace(piece, **{own: moved})
+        return piece
 
-        try:
-            blob = self._view(image["bufferView"])[0] if "bufferView" in image else self._uri(image["uri"])
-            with warnings.catch_warnings():
-                warnings.simplefilter("error", Image.DecompressionBombWarning)
-                return linear_texture(Image.open(io.BytesIO(blob)))
-        except (OSError, ValueError, Image.DecompressionBombWarning, Image.DecompressionBombError) as error:
-            self.content.leave_out("textures ignored", str(error))
-            return None
+    def _skinned(self, piece: Piece, attributes: dict[str, Any], number: int, worlds: dict[int, np.ndarray]) -> Piece:
+        """As its joints stand: the node of a skinned mesh says nothing of its place."""
+        skin = item(self.tree.get("skins", []), number, "skin")
+        joints = skin["joints"]
+        inverse = np.tile(np.eye(4), (len(joints), 1, 1))
+        if "inverseBindMatrices" in skin:
+            stored = self.data.accessor(skin["inverseBindMatrices"], "MAT4").reshape(-1, 4, 4)
+            inverse = stored[: len(joints)].transpose(0, 2, 1).astype(np.float64)
+        if len(inverse) < len(joints):
+            raise ValueError(f"skin {number} has {len(joints)} joints and {len(inverse)} matrices")
+        moves = np.stack([worlds[item(joints, k, "joint")] @ inverse[k] for k in range(len(joints))])
+        count = len(piece.vertices)
+        whole, sum_of_weights = np.zeros((count, 4, 4)), np.zeros(count)
+        for group in range(len(attributes)):
+            which = self.data.attribute(attributes, f"JOINTS_{group}", count, "VEC4")
+            share = self.data.attribute(attributes, f"WEIGHTS_{group}", count, "VEC4")
+            if which is None or share is None:
+                break
+            if which.max(initial=0) >= len(joints):
+                raise ValueError(f"there is no joint {int(which.max())}: skin {number} has {len(joints)}")
+            whole += np.einsum("vk,vkij->vij", share, moves[which.astype(np.int64)])
+            sum_of_weights += share.sum(axis=1)
+        whole /= np.where(sum_of_weights > 0.0, sum_of_weights, 1.0)[:, None, None]
+        whole[sum_of_weights <= 0.0] = np.eye(4)
+        return _moved_each(piece, whole)
 
-    def _see(self, index: int, world: np.ndarray) -> None:
-        """The first perspective camera; it looks along its own -z, and its aspect ratio gives the picture's height."""
-        camera = _item(self.tree.get("cameras", []), index, "camera")
-        if self.content.camera is not None or "perspective" not in camera:
-            self.content.leave_out("cameras ignored", "the first perspective camera is used")
+    def _see(self, node: dict[str, Any], world: np.ndarray) -> None:
+        """A perspective camera; it looks along its own -z, and its aspect ratio gives the picture's height."""
+        camera = item(self.tree.get("cameras", []), node["camera"], "camera")
+        if "perspective" not in camera:
+            self.content.leave_out("cameras ignored", "those without perspective are not used")
             return
         lens = camera["perspective"]
         aspect = float(lens.get("aspectRatio", 1.0))
         if not 0.0 < aspect < math.inf:
             raise ValueError(f"a camera's aspectRatio must be positive, got {aspect}")
         position, forward, up = world[:3, 3], -world[:3, 2], world[:3, 1]
-        self.content.camera = Camera(
+        names = [str(of.get("name", "")) for of in (node, camera)]
+        free = (
+            name
+            for name in [*names, f"camera {len(self.content.cameras)}"]
+            if name and name not in self.content.cameras
+        )
+        self.content.cameras[next(free, f"camera {len(self.content.cameras)}")] = Camera(
             tuple(position),
             tuple(position + forward),
             tuple(up),
             vertical_fov=math.degrees(lens["yfov"]),
             height=min(max(round(512 / aspect), 1), LARGEST_PICTURE),
         )
-
-    def _accessor(self, index: int, shape: str) -> np.ndarray:
-        """Decode an accessor, (count, components): strides, normalised integers and sparse corrections included."""
-        accessor = _item(self.tree.get("accessors", []), index, "accessor")
-        if accessor["type"] != shape:
-            raise ValueError(f"accessor {index} must be {shape}, got {accessor['type']}")
-        dtype, count = np.dtype(COMPONENT[accessor["componentType"]]), _natural(accessor["count"])
-        if count > 3 * MOST_TRIANGLES:
-            raise ValueError(f"accessor {index} has {count} elements, more than {3 * MOST_TRIANGLES}")
-        if "bufferView" in accessor:
-            values = self._elements(accessor["bufferView"], accessor.get("byteOffset", 0), dtype, count, WIDTH[shape])
-        elif "sparse" in accessor:
-            if count > MOST_IMPLIED:
-                raise ValueError(f"accessor {index} has {count} elements without data, more than {MOST_IMPLIED}")
-            values = np.zeros((count, WIDTH[shape]), dtype)
-        else:
-            raise ValueError(f"accessor {index} has no data")
-        if "sparse" in accessor:
-            values = self._corrected(values, accessor["sparse"])
-        if accessor.get("normalized") and dtype.kind in "iu":
-            values = np.maximum(values / np.iinfo(dtype).max, -1.0)
-        return values
-
-    def _corrected(self, values: np.ndarray, sparse: dict[str, Any]) -> np.ndarray:
-        """Overwrite the rows that a sparse accessor lists."""
-        count, where, what = _natural(sparse["count"]), sparse["indices"], sparse["values"]
-        dtype = np.dtype(COMPONENT[where["componentType"]])
-        rows = self._elements(where["bufferView"], where.get("byteOffset", 0), dtype, count, 1)[:, 0]
-        values = values.copy()
-        values[rows] = self._elements(
-            what["bufferView"], what.get("byteOffset", 0), values.dtype, count, values.shape[1]
-        )
-        return values
-
-    def _elements(self, view: int, offset: int, dtype: np.dtype[Any], count: int, width: int) -> np.ndarray:
-        """`count` rows of `width` components from a buffer view, after checking that they are inside it."""
-        data, stride = self._view(view)
-        size = dtype.itemsize * width
-        stride = stride or size
-        if count == 0:
-            return np.empty((0, width), dtype)
-        if stride < size or _natural(offset) + (count - 1) * stride + size > len(data):
-            raise ValueError(f"an accessor of {count} elements passes the end of buffer view {view}")
-        return np.ndarray((count, width), dtype, data, offset, (stride, dtype.itemsize))
-
-    def _view(self, index: int) -> tuple[bytes, int]:
-        """The bytes of a buffer view and its stride (0: closely packed)."""
-        view = _item(self.tree.get("bufferViews", []), index, "buffer view")
-        buffer = self._buffer(view["buffer"])
-        start, length = _natural(view.get("byteOffset", 0)), _natural(view["byteLength"])
-        if start + length > len(buffer):
-            raise ValueError(f"buffer view {index} passes the end of its buffer of {len(buffer)} bytes")
-        return buffer[start : start + length], _natural(view.get("byteStride", 0))
-
-    def _buffer(self, index: int) -> bytes:
-        if index not in self.buffers:
-            uri = _item(self.tree.get("buffers", []), index, "buffer").get("uri")
-            if uri is None and (index != 0 or self.binary is None):
-                raise ValueError(f"buffer {index} has no data")
-            self.buffers[index] = self.binary or b"" if uri is None else self._uri(uri)
-        return self.buffers[index]
-
-    def _uri(self, uri: str) -> bytes:
-        """Embedded base64, or a file inside the scene's folder."""
-        if uri.startswith("data:"):
-            header, _, payload = uri.partition(",")
-            if not header.endswith(";base64"):
-                raise ValueError("embedded data must be base64")
-            return base64.b64decode(payload, validate=True)
-        return self._path(uri).read_bytes()
-
-    def _path(self, uri: str) -> Path:
-        path = (self.folder / unquote(uri)).resolve()
-        if ":" in uri or not path.is_relative_to(self.folder):
-            raise ValueError(f"refused to read {uri!r}: it is outside the scene's folder")
-        return path
-
-
-def _item(items: list[Any], index: Any, what: str) -> Any:
-    """`items[index]`, where the index comes from the file."""
-    if type(index) is not int or not 0 <= index < len(items):
-        raise ValueError(f"there is no {what} {index}: the file has {len(items)}")
-    return items[index]
-
-
-def _natural(number: Any) -> int:
-    """A count or an offset; JSON may hold anything."""
-    if type(number) is not int or number < 0:
-        raise ValueError(f"expected a whole number of at least 0, got {number!r}")
-    return number
 
 
 def _transform(node: dict[str, Any]) -> np.ndarray:
@@ -323,6 +253,19 @@ def _transform(node: dict[str, Any]) -> np.ndarray:
     result[:3, :3] *= np.array(node.get("scale", (1.0, 1.0, 1.0)), dtype=np.float64)
     result[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
     return result
+
+
+def _moved_each(piece: Piece, matrices: np.ndarray) -> Piece:
+    """A piece of which each vertex has a matrix of its own, (v, 4, 4)."""
+    linear = matrices[:, :3, :3]
+    across = np.stack([np.cross(linear[:, (k + 1) % 3], linear[:, (k + 2) % 3]) for k in range(3)], axis=1)
+    points = np.einsum("vij,vj->vi", linear, piece.vertices) + matrices[:, :3, 3]
+    normals = None if piece.normals is None else np.einsum("vij,vj->vi", across, piece.normals)
+    tangents = piece.tangents
+    if tangents is not None:
+        along = np.einsum("vij,vj->vi", linear, tangents[:, :3])
+        tangents = np.concatenate([along, tangents[:, 3:]], axis=1)
+    return replace(piece, vertices=points, normals=normals, tangents=tangents)
 
 
 def _corners(order: np.ndarray, mode: int) -> np.ndarray:

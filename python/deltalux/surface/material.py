@@ -52,8 +52,8 @@ class Material:
     specular
         What the lobe is multiplied by, in [0, 1], a number or three; by default 1 with a model and 0 without.
     model
-        Of `deltalux.brdf`; None: diffuse. Anisotropic lobes have their x along the tangent that Duff et al. (2017) give
-        to the normal.
+        Of `deltalux.brdf`; None: diffuse. Anisotropic lobes have their x along the tangent of the mesh, or where it has
+        none along the one that Duff et al. (2017) give to the normal.
     emission
         Linear radiance that it gives off to both sides, in the unit of the environment: a number or three, at least 0.
 
@@ -78,6 +78,17 @@ class Material:
             raise ValueError(f"expected a model for the specular colour {specular}, got none")
         object.__setattr__(self, "specular", specular)
         object.__setattr__(self, "emission", _colour("emission", self.emission, BRIGHTEST))
+
+
+def is_anisotropic(model: Lobe | None) -> bool:
+    """Whether a lobe is not the same when it is turned about the normal."""
+    if isinstance(model, brdf.AshikhminShirley):
+        return model.exponent_v not in (None, model.exponent)
+    if isinstance(model, brdf.Lafortune):
+        return model.coefficients[0] != model.coefficients[1]
+    if isinstance(model, (brdf.Ward, brdf.WardDuer, brdf.Beckmann, brdf.GGX)):
+        return model.alpha_v not in (None, model.alpha)
+    return isinstance(model, Measured)
 
 
 BRIGHTEST = 1e12

@@ -44,6 +44,8 @@ class Gloss:
     normal: NDArray[np.float32]
     first: int
     """How many rows of vertices there are before."""
+    turn: NDArray[np.float32] | None = None
+    """(factor rows, 2): cosine and sine of what the tangent is turned by, out of the frame of the normal."""
 
     @staticmethod
     def of(arrays: Mapping[str, NDArray[Any]], receivers: Vertices) -> Gloss:
@@ -59,6 +61,9 @@ class Gloss:
         whole = factor is not None and all(x.dtype == np.uint32 and x.shape == (rows,) for x in (base, factor))
         if not whole or factor is None or material is None:
             raise ValueError(f"expected base and factor of uint32 and shape ({rows},)")
+        turn = arrays.get("turn")
+        if turn is not None and (turn.dtype != np.float32 or turn.shape != (rows, 2) or not np.isfinite(turn).all()):
+            raise ValueError(f"expected turn of float32, finite, and shape ({rows}, 2)")
         first = int(np.count_nonzero(base == np.arange(rows)))
         behind = slice(first, rows)
         eyes = {
@@ -79,6 +84,7 @@ class Gloss:
             receivers.position[behind],
             receivers.normal[behind],
             first,
+            None if turn is None else turn[behind],
         )
 
     def mix(self, camera: Camera) -> NDArray[np.float32]:
@@ -86,6 +92,9 @@ class Gloss:
         way = np.asarray(camera.position) - self.position.astype(np.float64)
         way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-300)
         local = _local(way, self.normal.astype(np.float64))
+        if self.turn is not None:
+            (x, y), (cosine, sine) = local.T[:2], self.turn.T
+            local[:, :2] = np.stack([cosine * x + sine * y, cosine * y - sine * x], -1)
         mix = np.zeros(len(self.base), np.float32)
         for number, tables in self.eyes.items():
             own = np.flatnonzero((self.material == number) & (local[:, 2] > 0))

@@ -8,6 +8,13 @@ use super::eight::Eight;
 use super::fan::{Fan, PACKETS, inverse};
 use super::tree::Node;
 
+/// Slack on what is thrown away before edges are looked at, in the normalised scene: more than the width of any edge.
+const SLACK: f32 = 2e-6;
+
+/// How far below the apex's plane a triangle's top may lie and still block: more than rounding, less than the lift of
+/// receivers.
+const FLOOR: f32 = -5e-7;
+
 /// Where the rays of a fan start.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Apex {
@@ -16,6 +23,17 @@ pub struct Apex {
     /// A normal that all rays rise along: what lies below its plane blocks none of them. Zero where there is none.
     pub normal: [f32; 3],
 }
+
+impl Apex {
+    /// What rounding and lifts are measured in there: 1 in the unit box, and farther off as far as it is.
+    fn unit(&self) -> f32 {
+        let off = self.origin.iter().fold(0.0f32, |most, x| most.max(x.abs()));
+        if off < IN_THE_BOX { 1.0 } else { off }
+    }
+}
+
+/// Lifted points of the unit box lie in this one.
+const IN_THE_BOX: f32 = 1.01;
 
 /// The open rays of a fan as one cone, in the fan's own axes, its apex in the origin.
 pub(super) struct Cone {
@@ -33,6 +51,9 @@ pub(super) struct Cone {
     inverse: [[f32; 2]; 2],
     /// The nearest and the farthest end of a ray.
     pub far: [f32; 2],
+    /// What rounding leaves open of a triangle's place, and of its height over the apex's plane.
+    pub slack: f32,
+    pub floor: f32,
 }
 
 /// Eight boxes in the fan's own axes, seen from the apex.
@@ -45,9 +66,9 @@ pub(super) struct Boxes {
 }
 
 impl Cone {
-    /// Of no ray yet: `bound` comes next.
+    /// Of no ray yet: `bound` comes next. `reach`: the largest coordinate of the scene.
     #[inline(always)]
-    pub(super) fn new(fan: &Fan, from: &Apex) -> Self {
+    pub(super) fn new(fan: &Fan, from: &Apex, reach: f32) -> Self {
         let (axes, mirrored) = (fan.octant.axes, fan.octant.mirrored);
         let mut cone = Cone {
             axes,
@@ -58,6 +79,8 @@ impl Cone {
             slope: [[0.0; 2]; 2],
             inverse: [[0.0; 2]; 2],
             far: [f32::INFINITY; 2],
+            slack: SLACK * reach,
+            floor: FLOOR * from.unit(),
         };
         for k in 0..3 {
             cone.sign[k] = if mirrored[k] { -1.0 } else { 1.0 };

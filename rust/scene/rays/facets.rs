@@ -18,13 +18,6 @@ use super::tree::Leaf;
 /// surface leaks at its vertices; with four times as much, edges block rays that pass them.
 const EDGE: f32 = 0.6e-7;
 
-/// Slack on what is thrown away before edges are looked at, in the normalised scene: more than the width of any edge.
-const SLACK: f32 = 2e-6;
-
-/// How far below the apex's plane a triangle's top may lie and still block: more than rounding, less than the lift of
-/// receivers.
-const FLOOR: f32 = -5e-7;
-
 /// So few rays are not held against the edges as one cone first.
 const FEW: u32 = 4;
 
@@ -143,6 +136,17 @@ impl Facets {
         blocked
     }
 
+    /// Weights of corners 1 and 2 where a ray meets a triangle: an edge's value is that of the corner across.
+    pub(super) fn weights(&self, place: usize, fan: &Fan, ray: usize) -> [f32; 2] {
+        let (s, t) = (fan.slope[0][ray / 8][ray % 8], fan.slope[1][ray / 8][ray % 8]);
+        let [c, a, b] = [0, 1, 2].map(|k| {
+            let [x, y, z] = [0, 1, 2].map(|axis| self.edge[k][axis][place]);
+            x * s + y * t + z
+        });
+        let sum = a + b + c;
+        if sum > 0.0 { [b / sum, c / sum] } else { [0.0; 2] }
+    }
+
     /// The same, one triangle after the other against packets of eight rays: the same arithmetic.
     #[inline(always)]
     pub(super) fn blocked_packets<L: Eight>(&self, mut met: u32, fan: &Fan, rays: u64) -> u64 {
@@ -181,7 +185,7 @@ fn value<L: Eight>(x: L, y: L, z: L, s: L, t: L) -> L {
 /// Triangles that are not wholly below the apex's plane, behind it, or beyond one of the cone's four planes.
 #[inline(always)]
 fn near<L: Eight>(corner: &[Vector<L>; 3], cone: &Cone) -> u32 {
-    let (below, slack) = (L::splat(-SLACK), L::splat(SLACK));
+    let (below, slack) = (L::splat(-cone.slack), L::splat(cone.slack));
     let normal = [L::splat(cone.normal[0]), L::splat(cone.normal[1]), L::splat(cone.normal[2])];
     let mut top = L::dot(corner[0][0], corner[0][1], corner[0][2], &normal);
     let mut deep = corner[0][2];
@@ -189,7 +193,7 @@ fn near<L: Eight>(corner: &[Vector<L>; 3], cone: &Cone) -> u32 {
         top = top.max(L::dot(corner[k][0], corner[k][1], corner[k][2], &normal));
         deep = deep.max(corner[k][2]);
     }
-    let mut met = L::splat(FLOOR).le(top) & below.le(deep);
+    let mut met = L::splat(cone.floor).le(top) & below.le(deep);
     for axis in 0..2 {
         let (least, greatest) = (L::splat(cone.slope[axis][0]), L::splat(cone.slope[axis][1]));
         let mut above = corner[0][axis].sub(least.mul(corner[0][2]));

@@ -4,6 +4,8 @@
 //! those of space, permuted and mirrored so that all slopes lie in [0, 1] and all rays go up: boxes stay boxes, and
 //! nothing is rotated.
 
+use super::holes::ray_number;
+
 /// Rays of a fan, one bit each.
 pub const FAN: usize = 64;
 /// Packets of eight rays in a fan.
@@ -94,6 +96,14 @@ impl Fan {
         self.far[packet][lane] = far;
         self.finite |= far < f32::INFINITY;
         self.len += 1;
+    }
+
+    /// A number of one of its rays, which none of the others changes.
+    pub(super) fn number(&self, origin: [f32; 3], ray: usize) -> u64 {
+        let slopes = [0, 1].map(|axis: usize| self.slope[axis][ray / 8][ray % 8]);
+        let sides: u64 =
+            (0..3).map(|k| (self.octant.axes[k] as u64 * 2 + u64::from(self.octant.mirrored[k])) << (8 * k)).sum();
+        ray_number(origin, &slopes) ^ sides
     }
 
     /// Rays in it.

@@ -4,6 +4,7 @@
 //! take one ray at a time over obvhs's own nodes, for primary rays and as a check of the other. All use the triangle
 //! tests of this crate: obvhs's own test leaks at shared edges and vertices.
 
+use std::cell::Cell;
 use std::time::Duration;
 
 use glam::Vec3A;
@@ -15,16 +16,15 @@ use obvhs::{Boundable, BvhBuildParams};
 
 use super::cone::Apex;
 use super::fan::Fan;
+use super::holes::{Found, Holes, Kind, Porous, ray_number};
 use super::tree::{LEAF, Leaf, Node, WideTree};
 use super::walk::{self, Walk};
-use crate::scene::mesh::Mesh;
+use crate::scene::mesh::{Mesh, unit};
+
+pub use crate::scene::mesh::LIFT;
 
 /// Boxes are padded by this much of the normalised scene: eight units in the last place of its largest coordinate.
 const PAD: f32 = 1e-6;
-
-/// How far receivers are lifted off their surface, in the normalised scene: above the rounding of any projected depth,
-/// below anything that can be seen.
-pub const LIFT: f64 = 4e-6;
 
 /// Most triangles of a leaf of the wide tree.
 const LEAF_SIZE: u32 = 8;
@@ -33,8 +33,9 @@ struct Boxed([[f32; 3]; 3]);
 
 impl Boundable for Boxed {
     fn aabb(&self) -> Aabb {
+        let pad = PAD * unit(&self.0);
         let [a, b, c] = self.0.map(Vec3A::from_array);
-        Aabb::new(a.min(b).min(c) - PAD, a.max(b).max(c) + PAD)
+        Aabb::new(a.min(b).min(c) - pad, a.max(b).max(c) + pad)
     }
 }
 
@@ -54,7 +55,10 @@ pub struct Tracer {
     bvh: Bvh2,
     /// Corners in the tree's own order.
     corners: Vec<[[f32; 3]; 3]>,
+    /// Of what is solid.
     wide: WideTree,
+    /// Of the rest; None where everything is solid.
+    porous: Option<Porous>,
 }
 
 /// Watertight ray-triangle test (Woop, Benthin and Wald 2013), the shear prepared once for a ray.
@@ -104,22 +108,60 @@ impl Shear {
     }
 }
 
+/// A tree over triangles of a mesh, by their numbers, and their corners in its order; its places bear those numbers.
+fn tree_over(mesh: &Mesh, numbers: &[u32]) -> (Bvh2, Vec<[[f32; 3]; 3]>) {
+    if numbers.is_empty() {
+        return Default::default();
+    }
+    let boxes: Vec<Boxed> = numbers.iter().map(|&number| Boxed(mesh.corners[number as usize])).collect();
+    let mut bvh = build_bvh2(&boxes, BvhBuildParams::medium_build(), &mut Duration::default());
+    bvh.primitive_indices.iter_mut().for_each(|place| *place = numbers[*place as usize]);
+    let corners = bvh.primitive_indices.iter().map(|&number| mesh.corners[number as usize]).collect();
+    (bvh, corners)
+}
+
 impl Tracer {
     /// Builds both trees, of all triangles; a mesh without any blocks no ray.
     pub fn new(mesh: &Mesh) -> Self {
-        if mesh.corners.is_empty() {
-            return Tracer { bvh: Bvh2::default(), corners: Vec::new(), wide: WideTree::default() };
+        Self::with_holes(mesh, Holes::default())
+    }
+
+    /// The same where triangles have holes.
+    pub fn with_holes(mesh: &Mesh, holes: Holes) -> Self {
+        let of = |wanted: &dyn Fn(Kind) -> bool| -> Vec<u32> {
+            (0..mesh.corners.len() as u32).filter(|&number| wanted(holes.kind(number as usize))).collect()
+        };
+        let (bvh, corners) = tree_over(mesh, &of(&|kind| kind != Kind::Gone));
+        if holes.is_empty() {
+            let wide = Collapse::run(&bvh, &corners).0;
+            return Tracer { bvh, corners, wide, porous: None };
         }
-        let boxes: Vec<Boxed> = mesh.corners.iter().map(|&corners| Boxed(corners)).collect();
-        let bvh = build_bvh2(&boxes, BvhBuildParams::medium_build(), &mut Duration::default());
-        let corners: Vec<_> = bvh.primitive_indices.iter().map(|&number| mesh.corners[number as usize]).collect();
-        let wide = Collapse { bvh: &bvh, corners: &corners, tree: WideTree::default() }.run();
-        Tracer { bvh, corners, wide }
+        let (solid, own) = tree_over(mesh, &of(&|kind| kind == Kind::Solid));
+        let (thin, thin_own) = tree_over(mesh, &of(&|kind| matches!(kind, Kind::Porous(_))));
+        let (tree, mut numbers) = Collapse::run(&thin, &thin_own);
+        for number in numbers.as_flattened_mut() {
+            // Places left over in a leaf block nothing.
+            *number = match thin.primitive_indices.get(*number as usize).map(|&n| holes.kind(n as usize)) {
+                Some(Kind::Porous(place)) => place,
+                _ => 0,
+            };
+        }
+        let porous = Some(Porous { holes, wide: tree, numbers });
+        Tracer { bvh, corners, wide: Collapse::run(&solid, &own).0, porous }
     }
 
     /// Which of the `active` rays of a fan, one bit each, meet a triangle. An answer does not depend on the other rays.
     pub fn blocked(&self, from: &Apex, fan: &Fan, active: u64, room: &mut Walk) -> u64 {
-        walk::blocked(&self.wide, from, fan, active, room)
+        let blocked = walk::blocked(&self.wide, from, fan, active, room);
+        match &self.porous {
+            None => blocked,
+            Some(porous) => blocked | walk::blocked_porous(porous, from, fan, active & !blocked, room),
+        }
+    }
+
+    /// Whether no triangle has holes.
+    pub fn is_solid(&self) -> bool {
+        self.porous.is_none()
     }
 
     /// The tree that fans walk, for tests of its two paths.
@@ -127,40 +169,71 @@ impl Tracer {
         &self.wide
     }
 
+    /// What one ray finds of a triangle that it meets, by its place in the tree and the weights of its corners.
+    fn found(&self, place: usize, weights: [f32; 3], ray: u64) -> Found {
+        let solid = Found { stops: true, thin: false };
+        let Some(porous) = &self.porous else { return solid };
+        match porous.holes.kind(self.bvh.primitive_indices[place] as usize) {
+            Kind::Porous(number) => porous.holes.meet(number, [weights[1], weights[2]], ray),
+            _ => solid,
+        }
+    }
+
+    /// A number of one ray, where any triangle has holes.
+    fn number(&self, origin: [f32; 3], direction: [f32; 3]) -> u64 {
+        if self.porous.is_some() { ray_number(origin, &direction) } else { 0 }
+    }
+
     /// Whether one ray meets anything.
     pub fn occluded(&self, origin: [f32; 3], direction: [f32; 3]) -> bool {
         if self.corners.is_empty() {
             return false;
         }
-        let shear = Shear::new(origin, direction);
+        let (shear, number) = (Shear::new(origin, direction), self.number(origin, direction));
         let ray = Ray::new_inf(Vec3A::from_array(origin), Vec3A::from_array(direction));
-        !self.bvh.ray_traverse_miss(ray, |_, place| shear.meet(&self.corners[place]).0)
+        !self.bvh.ray_traverse_miss(ray, |_, place| {
+            let (distance, weights) = shear.meet(&self.corners[place]);
+            if distance < f32::INFINITY && self.found(place, weights, number).stops { distance } else { f32::INFINITY }
+        })
     }
 
     /// The first triangle that a ray meets.
     pub fn closest_hit(&self, origin: [f32; 3], direction: [f32; 3]) -> Option<Hit> {
+        self.look(origin, direction).0
+    }
+
+    /// The first triangle that a ray meets, and whether anything on its way was thin.
+    pub fn look(&self, origin: [f32; 3], direction: [f32; 3]) -> (Option<Hit>, bool) {
         if self.corners.is_empty() {
-            return None;
+            return (None, false);
         }
-        let shear = Shear::new(origin, direction);
+        let (shear, number) = (Shear::new(origin, direction), self.number(origin, direction));
         let ray = Ray::new_inf(Vec3A::from_array(origin), Vec3A::from_array(direction));
-        let mut hit = RayHit::none();
-        self.bvh.ray_traverse(ray, &mut hit, |_, place| shear.meet(&self.corners[place]).0);
+        let (mut hit, thin) = (RayHit::none(), Cell::new(false));
+        self.bvh.ray_traverse(ray, &mut hit, |_, place| {
+            let (distance, weights) = shear.meet(&self.corners[place]);
+            if distance == f32::INFINITY || self.porous.is_none() {
+                return distance;
+            }
+            let found = self.found(place, weights, number);
+            thin.set(thin.get() | found.thin);
+            if found.stops { distance } else { f32::INFINITY }
+        });
         if hit.t == f32::INFINITY {
-            return None;
+            return (None, thin.get());
         }
         let place = hit.primitive_id as usize;
         let (distance, weights) = shear.meet(&self.corners[place]);
         let triangle = self.bvh.primitive_indices[place] as usize;
-        Some(Hit { triangle, distance, barycentric: [weights[1], weights[2]] })
+        (Some(Hit { triangle, distance, barycentric: [weights[1], weights[2]] }), thin.get())
     }
 
     /// Bytes of both trees and of the triangles.
     pub fn nbytes(&self) -> usize {
         std::mem::size_of_val(&*self.bvh.nodes)
             + std::mem::size_of_val(&*self.corners)
-            + std::mem::size_of_val(&*self.wide.nodes)
-            + std::mem::size_of_val(&*self.wide.leaves)
+            + self.wide.nbytes()
+            + self.porous.as_ref().map_or(0, |porous| porous.wide.nbytes())
     }
 }
 
@@ -169,10 +242,22 @@ struct Collapse<'a> {
     bvh: &'a Bvh2,
     corners: &'a [[[f32; 3]; 3]],
     tree: WideTree,
+    /// Of each leaf the places of its triangles in the binary tree; the largest number where there is none.
+    places: Vec<[u32; 8]>,
 }
 
-impl Collapse<'_> {
-    fn run(mut self) -> WideTree {
+impl<'a> Collapse<'a> {
+    fn run(bvh: &'a Bvh2, corners: &'a [[[f32; 3]; 3]]) -> (WideTree, Vec<[u32; 8]>) {
+        let reach = corners.iter().map(unit).fold(1.0, f32::max);
+        let tree = WideTree { reach, ..WideTree::default() };
+        let mut collapse = Collapse { bvh, corners, tree, places: Vec::new() };
+        if !corners.is_empty() {
+            collapse.fill();
+        }
+        (collapse.tree, collapse.places)
+    }
+
+    fn fill(&mut self) {
         let counts = self.counts();
         // Breadth first: each task is a binary node and the wide node to fill with what lies under it.
         self.tree.nodes.push(Node::empty());
@@ -180,8 +265,7 @@ impl Collapse<'_> {
         while let Some((root, place)) = tasks.pop() {
             for (slot, below) in self.eight_under(root, &counts).into_iter().enumerate() {
                 let child = if counts[below as usize] <= LEAF_SIZE {
-                    let leaf = self.leaf(below);
-                    self.tree.leaves.push(leaf);
+                    self.leaf(below);
                     LEAF | (self.tree.leaves.len() - 1) as u32
                 } else {
                     self.tree.nodes.push(Node::empty());
@@ -197,7 +281,6 @@ impl Collapse<'_> {
                 }
             }
         }
-        self.tree
     }
 
     /// Triangles under each binary node. Children may stand before their parents, hence the explicit stack.
@@ -234,8 +317,9 @@ impl Collapse<'_> {
         parts
     }
 
-    fn leaf(&self, root: u32) -> Leaf {
+    fn leaf(&mut self, root: u32) {
         let mut leaf = Leaf { corner: [[[0.0; 8]; 3]; 3] };
+        let mut places = [u32::MAX; 8];
         let mut slot = 0;
         let mut stack = vec![root];
         while let Some(number) = stack.pop() {
@@ -250,9 +334,11 @@ impl Collapse<'_> {
                         leaf.corner[k][axis][slot] = at;
                     }
                 }
+                places[slot] = place;
                 slot += 1;
             }
         }
-        leaf
+        self.tree.leaves.push(leaf);
+        self.places.push(places);
     }
 }

@@ -36,4 +36,13 @@ pub struct WideTree {
     pub(super) nodes: Vec<Node>,
     /// Up to eight triangles each.
     pub(super) leaves: Vec<Leaf>,
+    /// The largest coordinate, at least 1: rounding grows with it.
+    pub(super) reach: f32,
+}
+
+impl WideTree {
+    /// Bytes of it.
+    pub(super) fn nbytes(&self) -> usize {
+        std::mem::size_of_val(&*self.nodes) + std::mem::size_of_val(&*self.leaves)
+    }
 }

@@ -19,6 +19,7 @@ use super::eight::Avx2;
 use super::eight::{Eight, Portable};
 use super::facets::Facets;
 use super::fan::Fan;
+use super::holes::Porous;
 use super::tree::{LEAF, WideTree};
 
 /// Room for the walk, kept between calls.
@@ -27,6 +28,8 @@ pub struct Walk {
     stack: Vec<(u32, u64)>,
     boxes: Boxes,
     facets: Facets,
+    /// Rays of the last fan that met something thin, one bit each: another ray there might have found otherwise.
+    pub thin: u64,
 }
 
 /// The walk of one fan: box by box, until every ray is blocked or nothing is left.
@@ -35,8 +38,8 @@ fn walk<L: Eight>(tree: &WideTree, from: &Apex, fan: &Fan, active: u64, room: &m
     if active == 0 || tree.nodes.is_empty() {
         return 0;
     }
-    let Walk { stack, boxes, facets } = room;
-    let mut cone = Cone::new(fan, from);
+    let Walk { stack, boxes, facets, .. } = room;
+    let mut cone = Cone::new(fan, from, tree.reach);
     cone.bound::<L>(fan, active);
     let mut open = active;
     let mut bounded = active.count_ones();
@@ -71,6 +74,49 @@ fn walk<L: Eight>(tree: &WideTree, from: &Apex, fan: &Fan, active: u64, room: &m
         if 2 * open.count_ones() <= bounded {
             bounded = open.count_ones();
             cone.bound::<L>(fan, open);
+        }
+    }
+    active & !open
+}
+
+/// The walk among triangles with holes: what they stop is asked ray by ray.
+#[inline(always)]
+fn walk_porous<L: Eight>(porous: &Porous, from: &Apex, fan: &Fan, active: u64, room: &mut Walk) -> u64 {
+    let tree = &porous.wide;
+    let Walk { stack, boxes, facets, thin } = room;
+    *thin = 0;
+    if active == 0 || tree.nodes.is_empty() {
+        return 0;
+    }
+    let mut cone = Cone::new(fan, from, tree.reach);
+    cone.bound::<L>(fan, active);
+    let mut open = active;
+    stack.clear();
+    stack.push((0, active));
+    while let Some((place, rays)) = stack.pop() {
+        let rays = rays & open;
+        if rays == 0 {
+            continue;
+        }
+        if place & LEAF == 0 {
+            push_children::<L>(tree, place, fan, &cone, rays, boxes, stack);
+            continue;
+        }
+        let number = (place & !LEAF) as usize;
+        let (mut met, _) = facets.look::<L>(&tree.leaves[number], &cone, fan.finite, rays.count_ones());
+        while met != 0 {
+            let slot = met.trailing_zeros();
+            met &= met - 1;
+            let mut inside = facets.blocked_packets::<L>(1 << slot, fan, rays & open);
+            while inside != 0 {
+                let ray = inside.trailing_zeros() as usize;
+                inside &= inside - 1;
+                let weights = facets.weights(slot as usize, fan, ray);
+                let found =
+                    porous.holes.meet(porous.numbers[number][slot as usize], weights, fan.number(from.origin, ray));
+                open &= !(u64::from(found.stops) << ray);
+                *thin |= u64::from(found.thin) << ray;
+            }
         }
     }
     active & !open
@@ -152,6 +198,22 @@ fn push_children<L: Eight>(
 #[target_feature(enable = "avx2")]
 fn walk_avx2(tree: &WideTree, from: &Apex, fan: &Fan, active: u64, room: &mut Walk) -> u64 {
     walk::<Avx2>(tree, from, fan, active, room)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn walk_porous_avx2(porous: &Porous, from: &Apex, fan: &Fan, active: u64, room: &mut Walk) -> u64 {
+    walk_porous::<Avx2>(porous, from, fan, active, room)
+}
+
+/// Which of the `active` rays triangles with holes stop; `room.thin` says which of them might have gone another way.
+pub(super) fn blocked_porous(porous: &Porous, from: &Apex, fan: &Fan, active: u64, room: &mut Walk) -> u64 {
+    #[cfg(target_arch = "x86_64")]
+    if std::is_x86_feature_detected!("avx2") {
+        // SAFETY: the processor has AVX2.
+        return unsafe { walk_porous_avx2(porous, from, fan, active, room) };
+    }
+    walk_porous::<Portable>(porous, from, fan, active, room)
 }
 
 /// The portable walk: what processors without AVX2 take, and the oracle of the other.

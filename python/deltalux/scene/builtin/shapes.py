@@ -39,7 +39,7 @@ class Model:
 
     def content(self, camera: Camera) -> Content:
         """The finished model, one piece a shape, seen by its own camera."""
-        content = Content(self.name, camera=camera)
+        content = Content(self.name, cameras={"": camera})
         for name in self._used:
             content.add_material(self._palette[name], name=name)
         for (vertices, triangles), material in zip(self._shapes, self._material, strict=True):
