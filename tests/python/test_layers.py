@@ -31,7 +31,8 @@ RUST_FLOORS = (
 )
 PYTHON_FLOORS = (
     ("_core",),
-    ("checks", "rotation", "io", "output", "progress"),
+    ("checks", "images"),
+    ("rotation", "io", "output", "progress"),
     ("light", "update", "columns", "brdf", "camera"),
     ("surface",),
     ("transport", "scene", "pages"),
@@ -85,10 +86,10 @@ CRATES = {
     "memmap2": "transport/",
 }
 PACKAGES = {
-    "OpenImageIO": {"io"},
+    "OpenImageIO": {"images/oiio"},
     "trimesh": {"scene/files"},
     "matplotlib": {"pages/plotting", "report/gallery"},
-    "PIL": {"scene/gltf", "scene/files", "report/gallery"},
+    "PIL": {"images/colour", "images/png", "scene/gltf", "scene/files", "report/gallery"},
     "scipy": {"transport/matrix"},
     "mitsuba": set(),
     "embreex": set(),

@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from ..camera import Camera
-from ..light.environment import Environment
+from ..light.environment import ROWS, Environment
 from ..light.layouts import LAYOUTS
 from ..light.motion import Motion
+from ..light.pixels import REPAIRS
 from ..light.skies import BUILTIN
 from ..scene.builtin.catalogue import SCENES
 from ..scene.scene import Scene
@@ -42,7 +43,9 @@ def add_light(command: argparse.ArgumentParser, several: bool = False, default: 
     action = "append" if several else "store"
     command.add_argument("--env", action=action, metavar="ENV", help=names, required=several and default is None)
     command.add_argument("--layout", choices=LAYOUTS, help="of the file; default: recognised")
-    command.add_argument("--repair", choices=("zero",), help="make NaN and infinite pixels black")
+    command.add_argument("--layer", metavar="NAME", help="of an EXR file; default: R, G and B, or the only one")
+    command.add_argument("--rows", choices=ROWS, default="centre", help="of a lat-long file; default: %(default)s")
+    command.add_argument("--repair", choices=REPAIRS, help="NaN and infinite pixels to black, to 65504; negative ones")
 
 
 def add_motion(command: argparse.ArgumentParser, rotate: float, hold: int) -> None:
@@ -139,7 +142,7 @@ def environment_of(name: str, chosen: argparse.Namespace) -> Environment:
         return Environment.builtin(name)
     if not Path(name).suffix and not os.path.exists(name):
         raise ValueError(f"expected an environment of {', '.join(BUILTIN)}, or a file, got {name!r}")
-    return Environment.load(name, layout=chosen.layout, repair=chosen.repair)
+    return Environment.load(name, chosen.layout, chosen.repair, layer=chosen.layer, rows=chosen.rows)
 
 
 def say(what: object) -> None:
