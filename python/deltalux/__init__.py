@@ -9,11 +9,13 @@ from .brdf.family import Family
 from .camera import Camera
 from .columns import Haar, SphericalHarmonics
 from .edit import BrdfEditor, EditedFrame, NeedsPrecompute, StaleTransport
+from .io import write
 from .light import sequences
 from .light.environment import Environment
 from .precomputation import views as _views  # noqa: F401, transports are told of what is made of them there
 from .precomputation.curves import precompute_curves
 from .precomputation.run import plan, precompute
+from .relight.bound import Bound
 from .relight.compare import Comparison, compare
 from .relight.relighter import Frame, Relighter
 from .scene.scene import Scene
@@ -27,6 +29,7 @@ from .update.methods import Full, HarmonicOrder, Incremental, Linear, Method, No
 
 __all__ = [
     "Approximation",
+    "Bound",
     "BrdfEditor",
     "Camera",
     "Choice",
@@ -63,4 +66,5 @@ __all__ = [
     "sequences",
     "set_threads",
     "threads",
+    "write",
 ]

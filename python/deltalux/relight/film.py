@@ -118,7 +118,7 @@ def relight_frames(
                 "deltalux:environment": env.name,
                 "deltalux:method": repr(method),
                 "deltalux:frame": k,
-                "deltalux:bound": frame.bound,
+                "deltalux:bound": float(frame.bound),
             }
             angle = film.angle(k)
             if angle is not None:
@@ -129,7 +129,7 @@ def relight_frames(
                 "seconds": f"{frame.seconds:.6g}",
                 "choosing": f"{frame.choosing:.6g}",
                 "multiplying": f"{frame.multiplying:.6g}",
-                "bound": frame.bound,
+                "bound": float(frame.bound),
                 "columns": len(frame.columns),
                 "resets": " ".join(map(str, frame.resets)),
                 "converged": frame.converged,
