@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import operator
-import os
-from collections.abc import Iterable
 from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 from numpy.typing import NDArray
+
+from .mistakes import near
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 Vector = tuple[float, float, float]
@@ -28,25 +27,6 @@ def one_of(name: str, value: Any, choices: tuple[str | None, ...]) -> None:
     if not (value is None or isinstance(value, str)) or value not in choices:
         known = ", ".join(map(repr, choices))
         raise ValueError(f"expected {name} to be one of {known}, got {value!r}{near(value, choices)}")
-
-
-def near(value: Any, choices: Iterable[Any]) -> str:
-    """A question that names what was probably meant, to stand behind a refusal; "" where nothing is near."""
-    names = [choice for choice in choices if isinstance(choice, str)]
-    lower = {name.lower(): name for name in names}
-    found = difflib.get_close_matches(str(value).lower(), lower, 1, 0.7)
-    return f"; did you mean {lower[found[0]]!r}?" if found else ""
-
-
-def checked_path(value: Any) -> None:
-    """Refuses what is no path."""
-    if not isinstance(value, (str, os.PathLike)):
-        raise TypeError(f"expected a path, got {described(value)}")
-
-
-def described(value: Any) -> str:
-    """What was given, in a few words."""
-    return repr(value) if isinstance(value, (str, int, float)) else f"a {type(value).__name__}"
 
 
 def count(name: str, value: Any) -> int:

@@ -15,6 +15,7 @@ from .checks import one_of
 from .images.oiio import library, reason
 from .images.reading import load_image
 from .images.tone import agx
+from .mistakes import checked_path
 
 __all__ = ["TONES", "auto_exposure", "load_image", "magnification", "save_image", "to_display", "write"]
 
@@ -194,5 +195,6 @@ def write(path: str | os.PathLike[str], picture: ArrayLike, *, exposure: float =
     OSError
         The file cannot be written.
     """
+    checked_path(path, "a path, and then a picture")
     shown = Path(path).suffix.lower() == ".png"
     save_image(path, to_display(picture, exposure, tone) if shown else np.asarray(picture, np.float32))

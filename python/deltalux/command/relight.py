@@ -8,10 +8,20 @@ from typing import Any
 
 from ..light.environment import Environment
 from ..light.sequences import SEQUENCES, make
+from ..mistakes import near
 from ..relight.film import FORMATS, Film, check_frames, relight_frames
 from ..transport.transport import Transport
 from ..update.methods import WEIGHTS, Full, HarmonicOrder, Incremental, Linear, Method, Nonlinear, PerBand
-from .arguments import add_command, add_light, add_motion, environment_of, motion_of, say
+from .arguments import (
+    add_command,
+    add_light,
+    add_motion,
+    environment_of,
+    motion_of,
+    read_exposure,
+    read_terms,
+    say,
+)
 from .own import OWN, read_own
 
 _METHODS: dict[str, Callable[..., Method]] = {
@@ -36,11 +46,13 @@ def add(commands: Any) -> None:
         "--method", type=_read_method, default="pbi", metavar="METHOD", help=f"{names}, or {OWN}; default: %(default)s"
     )
     budget = command.add_mutually_exclusive_group()
-    budget.add_argument("--terms", type=int, help="columns a frame; default: 30")
+    budget.add_argument("--terms", type=read_terms, help="columns a frame; default: 30")
     budget.add_argument("--milliseconds", type=float, metavar="MS", help="time a frame, instead of --terms")
     budget.add_argument("--error", type=float, metavar="RADIANCE", help="bound on the error, instead of --terms")
     command.add_argument("--weight", choices=WEIGHTS, help="what a change is worth; default: the method's own, area")
-    command.add_argument("--exposure", type=float, metavar="STOPS", help="of the PNGs; default: chosen by the light")
+    command.add_argument(
+        "--exposure", type=read_exposure, metavar="STOPS", help="of the PNGs; default: chosen by the light"
+    )
     command.add_argument("--format", choices=FORMATS, default="png", help="default: %(default)s")
     command.add_argument("--half", action="store_true", help="half floats in the EXRs: half the bytes")
     command.add_argument("-o", "--output", required=True, metavar="FOLDER")
@@ -48,6 +60,8 @@ def add(commands: Any) -> None:
 
 def _relight(chosen: argparse.Namespace) -> None:
     method, film = _method(chosen), _film(chosen)
+    if chosen.output.rstrip("/").endswith(".transport"):
+        raise ValueError(f"expected a folder for frames, got {chosen.output}, the name of a transport")
     transport = Transport.open(chosen.transport)
     check_frames(chosen.output, film, chosen.format)
     chosen.when_stopped = f"stopped; the frames so far are in {chosen.output}"
@@ -81,12 +95,13 @@ def _film(chosen: argparse.Namespace) -> Film:
 
 def _read_method(text: str) -> str | type[Method]:
     """A name, or a class of one's own."""
-    if text == "full" or text in _METHODS:
-        return text
+    if text.lower() in ("full", *_METHODS):
+        return text.lower()
     if ":" in text or text.endswith(".py"):
         return read_own(text)
     names = ", ".join(("full", *_METHODS))
-    raise argparse.ArgumentTypeError(f"expected a method of {names}, or {OWN}, got {text!r}")
+    meant = near(text, ("full", *_METHODS))
+    raise argparse.ArgumentTypeError(f"expected a method of {names}, or {OWN}, got {text!r}{meant}")
 
 
 def _method(chosen: argparse.Namespace) -> Method:

@@ -9,7 +9,7 @@ from typing import Any
 from ..camera import Camera
 from ..io import auto_exposure, save_image, to_display
 from ..transport.transport import Transport
-from .arguments import add_command, add_light, environment_of, read_camera, read_size, say
+from .arguments import add_command, add_light, environment_of, read_camera, read_exposure, read_size, say
 
 _SUFFIXES = (".exr", ".png")
 
@@ -27,7 +27,9 @@ def add(commands: Any) -> None:
     )
     command.add_argument("--size", type=read_size, metavar="WxH", help="pixels; default: those of its scene")
     command.add_argument("--rotate", type=float, default=0.0, metavar="DEGREES", help="of the light about y")
-    command.add_argument("--exposure", type=float, metavar="STOPS", help="of a PNG; default: chosen by the picture")
+    command.add_argument(
+        "--exposure", type=read_exposure, metavar="STOPS", help="of a PNG; default: chosen by the picture"
+    )
     command.add_argument("--half", action="store_true", help="half floats in an EXR")
     command.add_argument("-o", "--output", required=True, metavar="FILE", help="a .png or an .exr")
 

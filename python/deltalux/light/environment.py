@@ -27,6 +27,7 @@ from .._core import (
 from ..checks import Vector, as_vector, count, one_of, real_array
 from ..images.png import encoded
 from ..io import auto_exposure, load_image, to_display
+from ..mistakes import checked_path, instead_of, kind_of, near, refuse_kind
 from ..rotation import IDENTITY, Matrix, as_matrix, rotation_matrix, unit_directions
 from . import layouts, skies
 from .pixels import floats, repaired
@@ -93,8 +94,8 @@ class Environment:
     _layers: tuple[_Layer, ...]
     name: str
 
-    def __init__(self) -> None:
-        raise TypeError("use Environment.load, .builtin, .from_latlong or .from_cubemap")
+    def __init__(self, *_: object, **__: object) -> None:
+        raise TypeError("use Environment.load(path), .builtin(name), .from_latlong(array) or .from_cubemap(array)")
 
     @classmethod
     def _of(cls, layers: Sequence[_Layer], name: str) -> Environment:
@@ -189,6 +190,10 @@ class Environment:
         ValueError
             The layout is not recognised, or pixels are NaN or infinite (count, row and column of the first).
         """
+        checked_path(path, "the path of an image (from_latlong takes an array)")
+        if path in skies.BUILTIN and not os.path.exists(path):
+            raise FileNotFoundError(f"{path}: there is no such file; dl.Environment.builtin({path!r}) is a light")
+        refuse_kind(path, "a light")
         image, metadata = load_image(path, layer)
         envmap = metadata.get("envmap")
         if metadata["format"].startswith("uint"):
@@ -344,7 +349,7 @@ class Environment:
             If t is not finite.
         """
         if not isinstance(other, Environment):
-            raise TypeError(f"expected an Environment to mix with, got {type(other).__name__}")
+            raise instead_of("Environment", other)
         if not math.isfinite(t):
             raise ValueError(f"expected a finite t, got {t}")
         layers = (*self.scaled(1.0 - t)._layers, *other.scaled(t)._layers)
@@ -492,7 +497,8 @@ class Environment:
 def _builtin(name: str) -> Environment:
     """One map for all who ask: what is prepared for resampling is then shared as well."""
     if name not in skies.BUILTIN:
-        raise ValueError(f"expected a built-in environment of {', '.join(skies.BUILTIN)}, got {name!r}")
+        read = "; dl.Environment.load(path) reads a file" if kind_of(str(name)) else near(name, skies.BUILTIN)
+        raise ValueError(f"expected a built-in environment of {', '.join(skies.BUILTIN)}, got {name!r}{read}")
     return Environment._from_pixels(skies.BUILTIN[name](), name)
 
 

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..checks import one_of
 from ..images.colour import from_srgb
+from ..mistakes import described
 
 REPAIRS = ("zero", "clip", "positive", "clamp")
 ENCODINGS = ("linear", "srgb")
@@ -41,7 +42,8 @@ def floats(array: ArrayLike, encoding: str | None = None) -> NDArray[np.float32]
             'such as those of a JPEG or PNG, give encoding="srgb"; if it holds radiance, give array.astype(float)'
         )
     if pixels.dtype.kind not in "fiu":
-        raise ValueError(f"expected an array of real numbers, got dtype {pixels.dtype}")
+        what = described(array) if pixels.dtype.kind in "OU" else f"dtype {pixels.dtype}"
+        raise ValueError(f"expected an array of real numbers, got {what}")
     with np.errstate(over="ignore"):
         numbers = pixels.astype(np.float32)
     return from_srgb(numbers) if encoding == "srgb" else numbers

@@ -14,6 +14,7 @@ import numpy as np
 from .._core import Links, TileData, TransportWriter, __version__
 from .._core import Nodes as CoreNodes
 from ..columns import Columns, parse
+from ..mistakes import checked_path, instead_of
 from ..progress import Progress, Reporter, reporter
 from ..scene.scene import Scene
 from ..transport.entry import TILE_ROWS, TILES_PER_SHARD
@@ -151,6 +152,7 @@ def precompute(
     Rows are T_p = V cos / pi per steradian (Overbeck 2006, eq. 3.2 without the albedo), in the Haar basis that is
     orthonormal on the sphere.
     """
+    checked_path(path, "a scene, and then the path of a transport")
     asked = between(bounces, residual, nodes)
     request = Request(columns, quality, tolerance, receivers, normals, asked, gloss, factors, refine)
     check_folder_of(Path(path))
@@ -171,6 +173,8 @@ class Precomputation:
     """
 
     def __init__(self, scene: Scene, request: Request, known: KnownNodes | None = None) -> None:
+        if not isinstance(scene, Scene):
+            raise instead_of("Scene", scene)
         self._prepared = Prepared(scene, request, known)
 
     @cached_property

@@ -107,7 +107,7 @@ def relight_frames(
     relighter = Relighter(transport, method)
     path = claim(folder, _names(film.frames, kind))
     if exposure is None:
-        exposure = auto_exposure(transport.image(transport.multiply(transport.coefficients(film.key))))
+        exposure = auto_exposure(transport.image(transport.multiply(transport.coefficients(film.key)), film.key))
     tell, seconds, table = reporter(progress, "relight"), [], Table(path / _TABLE)
     with _Encoder(exposure, half) as encoder:
         for k, env in enumerate(film.lights):

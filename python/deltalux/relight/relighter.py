@@ -14,11 +14,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._core import Settings, Updater
 from ..camera import Camera
-from ..checks import described
 from ..images.png import encoded
 from ..io import auto_exposure, to_display
 from ..light.environment import Environment
 from ..light.skies import BUILTIN
+from ..mistakes import described, instead_of
 from ..transport.transport import Transport
 from ..update.choice import State
 from ..update.methods import Full, Incremental, Method
@@ -166,11 +166,10 @@ class Relighter:
     ) -> None:
         if initial not in ("full", "nonlinear", None):
             raise ValueError(f'expected initial="full", "nonlinear" or None, got {initial!r}')
-        if not isinstance(method, Method):
-            raise ValueError(f"expected an update method such as PerBand(terms=30), got {method!r}")
         if not isinstance(transport, Transport):
-            how = "dl.Transport(path) opens one, and dl.precompute(scene, path) makes one"
-            raise TypeError(f"expected a Transport to relight, got {described(transport)}; {how}")
+            raise instead_of("Transport", transport)
+        if not isinstance(method, Method):
+            raise ValueError(f"expected an update method such as PerBand(terms=30), got {described(method)}")
         self.transport = transport
         self.method = method
         self._asked = (initial, second, None if mix is None else np.array(mix, np.float32))
@@ -219,7 +218,10 @@ class Relighter:
             V, whole = self._split.coefficients(env)
         else:
             whole = True
-            V = np.ascontiguousarray(light, np.float64)
+            try:
+                V = np.ascontiguousarray(() if light is None else light, np.float64)
+            except (TypeError, ValueError):
+                raise instead_of("Environment", light) from None
         if V.shape != (self.transport.shape[1], 3):
             raise ValueError(f"expected a light of shape ({self.transport.shape[1]}, 3), got {V.shape}")
         if self._weights is None:

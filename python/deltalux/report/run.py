@@ -44,6 +44,8 @@ STRIP = (EXACT.name, NWA_30.name, NWA_100.name, BI_30.name, PBI_30.name)
 MOVING = (EXACT.name, NWA_30.name, BI_30.name, PBI_30.name)
 SAVED = (EXACT.name, PBI_30.name)
 THREADS = (1, 2)
+# Of fewer, medians and rates say nothing.
+FEWEST_FRAMES = 8
 
 
 def _frame_names(slug: str, motion: Motion) -> dict[tuple[str, int], str]:
@@ -86,6 +88,8 @@ def check_report(env: Environment | Sequence[Environment], folder: str | os.Path
         As `report`.
     """
     require_release()
+    if motion.frames < FEWEST_FRAMES:
+        raise ValueError(f"expected light that moves for {FEWEST_FRAMES} frames or more, got {motion.frames}")
     check_folder(folder, _file_names(_environments(env), motion))
 
 

@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 from .._core import Behind, FileError
 from .._core import Transport as CoreTransport
 from ..camera import Camera
-from ..checks import checked_path
 from ..columns.haar import Haar
+from ..mistakes import checked_path, described, instead_of, refuse_kind, refuse_missing
 from ..progress import Progress
 from ..surface.surface import Surface
 from .aov import aov
@@ -68,7 +68,9 @@ class Transport(Matrix):
             self._path = None
             super().__init__(path)
         else:
-            checked_path(path)
+            checked_path(path, "the path of a transport")
+            refuse_missing(path)
+            refuse_kind(path, "a transport")
             super().__init__(CoreTransport.open(path))
             self._path = Path(path).absolute()
 
@@ -210,6 +212,8 @@ class Transport(Matrix):
         ValueError
             If peaks are asked of columns without texels, or their number is negative.
         """
+        if not hasattr(env, "_haar"):
+            raise instead_of("Environment", env)
         columns = self.columns
         if isinstance(columns, Haar):
             return columns.coefficients(env, peaks)
@@ -234,14 +238,20 @@ class Transport(Matrix):
 
         Raises
         ------
+        TypeError
+            If an argument is something else.
         ValueError
             If the shape is wrong, the rows are neither pixels nor vertices, or the file names no camera.
         """
+        if hasattr(B, "_behind"):
+            raise TypeError("expected a product B, of rows and colours, before the environment behind it")
         if np.ndim(B) == 3:
             several, envs = np.asarray(B), env if isinstance(env, Sequence) else (env,) * len(np.asarray(B))
             if len(envs) != len(several):
                 raise ValueError(f"expected an environment for each of {len(several)} products, got {len(envs)}")
             return np.stack([self.image(one, behind) for one, behind in zip(several, envs, strict=True)])
+        if not (env is None or hasattr(env, "_behind") or isinstance(env, (list, tuple))):
+            raise instead_of("Environment", env)
         if isinstance(env, Sequence):
             raise ValueError(f"expected one environment behind one product, got {len(env)}")
         if self.receivers.kind == "vertices":
@@ -256,7 +266,10 @@ class Transport(Matrix):
 
     def _response(self, B: ArrayLike) -> NDArray[np.float32]:
         """B with the light that does not move."""
-        values = np.ascontiguousarray(B, np.float32)
+        try:
+            values = np.ascontiguousarray(B, np.float32)
+        except (TypeError, ValueError):
+            raise TypeError(f"expected B, an array of shape ({self.shape[0]}, 3), got {described(B)}") from None
         if values.shape != (self.shape[0], 3):
             raise ValueError(f"expected B of shape ({self.shape[0]}, 3), got {values.shape}")
         return values if self.emitted is None else values + self.emitted
@@ -424,11 +437,16 @@ class Transport(Matrix):
 
         Raises
         ------
+        TypeError
+            If an argument is something else.
         ValueError
             If the rows are no pixels, the file keeps no scene, or the result would not fit.
         OSError
             If the disk refuses.
         """
+        if not isinstance(camera, Camera):
+            raise TypeError(f"expected a dl.Camera, and then a path, got {described(camera)}")
+        checked_path(path)
         return made("for_camera")(self, camera, path, progress)
 
     def aov(self, name: str) -> NDArray[np.float32] | NDArray[np.int32]:
@@ -494,6 +512,7 @@ class Transport(Matrix):
         OSError
             If the disk refuses.
         """
+        checked_path(path)
         threshold, _, _ = self._core.threshold_for(tolerance)
         # What was measured of this transport does not hold of that one.
         plan = replace(self.plan, errors={}, without={}, tolerance=tolerance)
