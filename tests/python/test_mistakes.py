@@ -79,7 +79,7 @@ LINES = {
     "precompute {light} -o {f}": "expected a scene, but this is a light",
     "precompute cornel -o {f}": "did you mean 'cornell'",
     "precompute cornell --quality publicaton -o {f}": "did you mean 'publication'",
-    "report {t} --env hall --frames 1 -o {f}": "8 frames or more",
+    "report {t} --env hall --frames 1 -o {f}": "2 frames or more",
     "relit {t}": "did you mean 'relight'",
 }
 

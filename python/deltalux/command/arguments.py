@@ -125,6 +125,11 @@ def read_terms(text: str) -> int:
     return int(text)
 
 
+def read_exposure_or_lock(text: str) -> float | str:
+    """Stops, or lock."""
+    return text if text == "lock" else read_exposure(text)
+
+
 def read_exposure(text: str) -> float:
     """Stops."""
     try:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..camera import Camera
-from ..io import auto_exposure, save_image, to_display
+from ..io import TONES, auto_exposure, save_image, to_display
 from ..transport.transport import Transport
 from .arguments import add_command, add_light, environment_of, read_camera, read_exposure, read_size, say
 
@@ -30,6 +30,7 @@ def add(commands: Any) -> None:
     command.add_argument(
         "--exposure", type=read_exposure, metavar="STOPS", help="of a PNG; default: chosen by the picture"
     )
+    command.add_argument("--tone", choices=TONES, default="srgb", help="curve of a PNG; default: %(default)s")
     command.add_argument("--half", action="store_true", help="half floats in an EXR")
     command.add_argument("-o", "--output", required=True, metavar="FILE", help="a .png or an .exr")
 
@@ -52,7 +53,7 @@ def _render(chosen: argparse.Namespace) -> None:
         picture = transport.render(_camera(transport, chosen), B, env)
     about = {"software": "deltalux", "deltalux:environment": env.name}
     exposure = auto_exposure(picture) if chosen.exposure is None else chosen.exposure
-    save_image(path, picture if exr else to_display(picture, exposure), about, half=chosen.half)
+    save_image(path, picture if exr else to_display(picture, exposure, chosen.tone), about, half=chosen.half)
     say(f"{path}: {picture.shape[1]} x {picture.shape[0]} pixels" + ("" if exr else f", {exposure:+.2f} stops"))
 
 

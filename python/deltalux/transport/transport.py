@@ -515,7 +515,7 @@ class Transport(Matrix):
         checked_path(path)
         threshold, _, _ = self._core.threshold_for(tolerance)
         # What was measured of this transport does not hold of that one.
-        plan = replace(self.plan, errors={}, without={}, tolerance=tolerance)
+        plan = replace(self.plan, errors={}, without={}, tolerance=tolerance, job="")
         self._core.truncate_to(path, threshold, plan=plan.to_json())
         return Transport.open(path)
 
