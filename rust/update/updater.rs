@@ -194,19 +194,23 @@ impl Updater {
         Ok(step)
     }
 
-    /// Lowers a budget in error by what truncation takes under a light, and refuses one that is all taken.
+    /// Lowers a budget in error by what truncation takes under a light, and refuses one that is all taken from the first.
+    ///
+    /// A light that grows too bright later is followed as closely as the budget says, on top of what truncation takes: whoever
+    /// looks on is not cut off.
     fn spare_truncation(&mut self, light: &[[f64; 3]]) -> Result<()> {
         let Some(error) = self.error else { return Ok(()) };
         self.first.check(light)?;
         let truncation = self.truncation_under(light).into_iter().fold(0.0, f64::max);
-        if truncation >= error {
+        if truncation >= error && self.initial.is_some() {
             return Err(Error::input(format!(
                 "expected an error of more than {truncation:.6}, what truncation takes under this light whatever is sent, \
                  got {error}; a transport made with a smaller tolerance allows less"
             )));
         }
         let Budget::Error { factors, .. } = self.first.budget() else { return Ok(()) };
-        let budget = Budget::Error { tolerance: SPENT * (error - truncation), factors: factors.clone() };
+        let left = if truncation < error { SPENT * (error - truncation) } else { error };
+        let budget = Budget::Error { tolerance: left, factors: factors.clone() };
         self.first.set_budget(budget)
     }
 

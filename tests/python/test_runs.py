@@ -1,4 +1,4 @@
-"""Runs of the command line: what is there already, what is kept apart, what is shown how, and what is said of claims."""
+"""Runs of the command line: what is there already, what is kept apart, what is shown how, and what is said."""
 
 import shutil
 import subprocess

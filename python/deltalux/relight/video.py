@@ -66,7 +66,8 @@ def video(path: str | os.PathLike[str]) -> Iterator[Reel]:
 
 @contextmanager
 def _mp4(path: Path) -> Iterator[Reel]:
-    import imageio_ffmpeg
+    # An extra, which need not be there.
+    import imageio_ffmpeg  # pyright: ignore[reportMissingImports]
 
     writer: Any = None
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 import numpy as np
 from numpy.typing import NDArray
 
 from ..camera import Camera
 from ..checks import one_of
 from .receivers import Pixels
+
+Number = TypeVar("Number", np.float32, np.int32)
 
 AOVS = ("albedo", "normal", "depth", "position", "material", "mask")
 
@@ -33,7 +37,7 @@ def aov(pixels: Pixels, camera: Camera | None, name: str) -> NDArray[np.float32]
     return _of_largest(pixels, pixels.material.astype(np.int32), np.int32(-1))
 
 
-def _of_largest(pixels: Pixels, values: NDArray[np.generic], empty: np.generic) -> NDArray[np.float32]:
+def _of_largest(pixels: Pixels, values: NDArray[Number], empty: Number) -> NDArray[Number]:
     """Of each pixel what its largest surface has: means of two surfaces lie on neither."""
     height, width = pixels.image_shape
     # The last row that is written stays: the largest.
