@@ -9,7 +9,7 @@ use std::hint::black_box;
 use std::time::{Duration, Instant};
 
 use _core::basis::haar::Haar;
-use _core::light::{EnvironmentMap, Layout};
+use _core::light::{EnvironmentMap, Layout, Rows};
 use _core::update::{Approximation, BandTest, Budget, Colours, Grid, Method, Norm, Settings, Span, light_norm};
 use criterion::Criterion;
 
@@ -45,7 +45,7 @@ fn hall() -> EnvironmentMap {
             .map(|value| value as f32)
     };
     let pixels = (0..width * height).map(pixel).collect();
-    EnvironmentMap::new(Layout::LatLong { width, height }, pixels).expect("finite pixels")
+    EnvironmentMap::new(Layout::LatLong { width, height, rows: Rows::Centre }, pixels).expect("finite pixels")
 }
 
 /// The turn about an axis that is no axis of the cube.

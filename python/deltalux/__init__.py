@@ -9,6 +9,7 @@ from .brdf.family import Family
 from .camera import Camera
 from .columns import Haar, SphericalHarmonics
 from .edit import BrdfEditor, EditedFrame, NeedsPrecompute, StaleTransport, Studio, StudioFrame
+from .io import write
 from .light import sequences
 from .light.environment import Environment
 from .light.lamps import AreaLight, PointLight, Spot
@@ -16,6 +17,7 @@ from .precomputation import views as _views  # noqa: F401, transports are told o
 from .precomputation.curves import precompute_curves
 from .precomputation.run import plan, precompute
 from .precomputation.studio import precompute_studio
+from .relight.bound import Bound
 from .relight.compare import Comparison, compare
 from .relight.relighter import Frame, Relighter
 from .scene.scene import Scene
@@ -31,6 +33,7 @@ from .update.methods import Full, HarmonicOrder, Incremental, Linear, Method, No
 __all__ = [
     "Approximation",
     "AreaLight",
+    "Bound",
     "BrdfEditor",
     "Camera",
     "Choice",
@@ -73,4 +76,5 @@ __all__ = [
     "sequences",
     "set_threads",
     "threads",
+    "write",
 ]

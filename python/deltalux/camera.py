@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from ._core import Camera as Rays
 from .checks import Vector, as_vector, real_array
+from .mistakes import suggests_keywords
 
 LARGEST_PICTURE = 16_384
 # Squares of lengths must stay finite in float64, and in what the tracer makes of them after scaling.
@@ -19,6 +20,7 @@ LARGEST_COORDINATE = 1e30
 _MARGIN = 1.08
 
 
+@suggests_keywords
 @dataclass(frozen=True)
 class Camera:
     """A pinhole camera; pixel (0, 0) is at the top left.

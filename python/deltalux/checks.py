@@ -10,6 +10,8 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import NDArray
 
+from .mistakes import near
+
 Scalar = TypeVar("Scalar", bound=np.generic)
 Vector = tuple[float, float, float]
 
@@ -20,10 +22,11 @@ def read_only(array: NDArray[Scalar]) -> NDArray[Scalar]:
     return array
 
 
-def one_of(name: str, value: Any, choices: tuple[str, ...]) -> None:
+def one_of(name: str, value: Any, choices: tuple[str | None, ...]) -> None:
     """Refuses a value that is none of the choices."""
-    if value not in choices:
-        raise ValueError(f"expected {name} to be one of {', '.join(map(repr, choices))}, got {value!r}")
+    if not (value is None or isinstance(value, str)) or value not in choices:
+        known = ", ".join(map(repr, choices))
+        raise ValueError(f"expected {name} to be one of {known}, got {value!r}{near(value, choices)}")
 
 
 def count(name: str, value: Any) -> int:

@@ -1,26 +1,26 @@
-"""Images in files: the only module that imports OpenImageIO (when it is first needed).
-
-OpenImageIO reports failure by return values that look like data (None, zeros, empty arrays), so every return is checked
-here and its reason asked for; nothing else of the package talks to it.
-"""
+"""Images to files and to a display; how they are read stands in `images`."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._core import FileError, display
+from ._core import display
+from .checks import one_of
+from .images.oiio import library, reason
+from .images.reading import load_image
+from .images.tone import agx
+from .mistakes import checked_path
 
-_MAX_MEGABYTES = 4096
-"""The largest image that is read, decoded."""
+__all__ = ["TONES", "auto_exposure", "load_image", "magnification", "save_image", "to_display", "write"]
 
-__all__ = ["auto_exposure", "load_image", "magnification", "save_image", "to_display"]
+TONES = ("srgb", "agx")
+"""Curves from radiance to a display."""
 
 _FORMATS = (".exr", ".hdr", ".png")
 
@@ -29,98 +29,8 @@ _FORMATS = (".exr", ".hdr", ".png")
 _FAST = {"png:compressionLevel": 1, "compression": "zip:1"}
 
 
-def _oiio() -> ModuleType:
-    import OpenImageIO
-
-    # Headers are hostile: the library's own limit grows with the machine's memory.
-    OpenImageIO.attribute("limits:imagesize_MB", _MAX_MEGABYTES)
-    return OpenImageIO
-
-
-def _reason(error: str) -> str:
-    """One line of the library's account of an error."""
-    return " ".join(error.split()) or "unknown reason"
-
-
-def load_image(path: str | os.PathLike[str]) -> tuple[NDArray[np.float32], dict[str, Any]]:
-    """Read an image as linear RGB.
-
-    Parameters
-    ----------
-    path
-        Any format that OpenImageIO reads; its content decides, not its name. Alpha is dropped, gray becomes three
-        channels, and images of 8 or 16 bits are taken for sRGB and made linear.
-
-    Returns
-    -------
-    pixels : (h, w, 3) float32
-        Rows from the top. NaN and infinite values are passed on as they stand.
-    metadata : dict
-        ``"format"`` (the file's own number type), ``"channels"`` (names) and, where the file says so, ``"envmap"``:
-        ``"latlong"`` or ``"cube"``.
-
-    Raises
-    ------
-    FileNotFoundError, OSError
-        The file is not there, or may not be read.
-    FileError
-        It is not an image, is truncated or damaged, or would take more than 4 GB of memory. A ``ValueError``.
-    """
-    name = os.fspath(path)
-    with open(name, "rb"):
-        pass  # The operating system says best why a file cannot be opened.
-    oiio = _oiio()
-    try:
-        image = oiio.ImageInput.open(name)
-    except UnicodeDecodeError as error:
-        raise FileError(f"{name}: not an image that can be read (corrupt header)") from error
-    if image is None:
-        raise FileError(f"{name}: not an image that can be read ({_reason(oiio.geterror())})")
-    try:
-        spec = image.spec()
-        if spec.width * spec.height * spec.nchannels * 4 > _MAX_MEGABYTES << 20:
-            size = f"{spec.width}x{spec.height} with {spec.nchannels} channels"
-            raise FileError(f"{name}: {size} would take more than {_MAX_MEGABYTES} MB")
-        pixels = image.read_image(0, 0, 0, spec.nchannels, "float")
-        if pixels is None:
-            raise FileError(f"{name}: truncated or damaged image ({_reason(image.geterror() or oiio.geterror())})")
-        number, names = str(spec.format), tuple(spec.channelnames)
-        metadata = {"format": number, "channels": names, **_envmap(spec)}
-    except UnicodeDecodeError as error:
-        raise FileError(f"{name}: truncated or damaged image (corrupt text)") from error
-    finally:
-        image.close()
-        oiio.geterror()  # What is not collected is printed at exit.
-
-    pixels = _three_channels(np.asarray(pixels, np.float32), names)
-    if number.startswith("uint"):
-        pixels = _from_srgb(pixels)
-    return np.ascontiguousarray(pixels), metadata
-
-
-def _envmap(spec: Any) -> dict[str, str]:
-    """The EXR attribute ``envmap``, as OpenImageIO hands it on."""
-    kinds = {"LatLong Environment": "latlong", "CubeFace Environment": "cube"}
-    kind = kinds.get(spec.get_string_attribute("textureformat"))
-    return {} if kind is None else {"envmap": kind}
-
-
-def _three_channels(pixels: NDArray[np.float32], names: tuple[str, ...]) -> NDArray[np.float32]:
-    """Red, green and blue by name, else the first three channels, else the first as gray."""
-    if pixels.ndim == 2:
-        pixels = pixels[:, :, None]
-    if all(colour in names for colour in "RGB"):
-        return pixels[:, :, [names.index(colour) for colour in "RGB"]]
-    return pixels[:, :, :3] if pixels.shape[2] >= 3 else np.repeat(pixels[:, :, :1], 3, axis=2)
-
-
-def _from_srgb(values: NDArray[np.float32]) -> NDArray[np.float32]:
-    linear = np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
-    return linear.astype(np.float32)
-
-
-def to_display(image: ArrayLike, exposure: float = 0.0) -> NDArray[np.uint8]:
-    """Map linear radiance to 8-bit sRGB: times 2^exposure, clipped to [0, 1], sRGB curve. No other tone mapping.
+def to_display(image: ArrayLike, exposure: float = 0.0, tone: str = "srgb") -> NDArray[np.uint8]:
+    """Map linear radiance to 8 bits of an sRGB display, times 2^exposure.
 
     Parameters
     ----------
@@ -128,12 +38,26 @@ def to_display(image: ArrayLike, exposure: float = 0.0) -> NDArray[np.uint8]:
         Linear radiance; NaN becomes black.
     exposure
         In stops.
+    tone
+        ``"srgb"``: clipped to [0, 1], the sRGB curve, no other tone mapping; ``"agx"``: AgX, which shows 16 stops, of
+        pictures in colour.
 
     Returns
     -------
     uint8 array of the same shape.
+
+    Raises
+    ------
+    ValueError
+        If there is no such tone, or a picture without colours is to be shown by AgX.
     """
+    if tone != "srgb":
+        one_of("tone", tone, TONES)
     linear = np.ascontiguousarray(image, np.float32)
+    if tone == "agx":
+        if linear.ndim != 3 or linear.shape[2] != 3:
+            raise ValueError(f"expected a picture of shape (h, w, 3) for AgX, got {linear.shape}")
+        return agx(linear * np.float32(2.0**exposure))
     return display(linear.ravel(), 2.0**exposure).reshape(linear.shape)
 
 
@@ -166,7 +90,7 @@ def save_image(
     """
     target = Path(path)
     pixels = _writable(target, np.asarray(image))
-    oiio = _oiio()
+    oiio = library()
     height, width, channels = pixels.shape
     number = "uint8" if pixels.dtype == np.uint8 else "half" if half and target.suffix.lower() == ".exr" else "float"
     spec = oiio.ImageSpec(width, height, channels, number)
@@ -183,11 +107,11 @@ def save_image(
             pass  # As for reading: the system's own reason.
         writer = oiio.ImageOutput.create(str(beside))
         if writer is None or not writer.open(str(beside), spec):
-            raise OSError(f"{target}: cannot be written ({_reason(writer.geterror() if writer else oiio.geterror())})")
+            raise OSError(f"{target}: cannot be written ({reason(writer.geterror() if writer else oiio.geterror())})")
         written = writer.write_image(pixels)
-        reason = writer.geterror()
+        failure = writer.geterror()
         if not (writer.close() and written):
-            raise OSError(f"{target}: cannot be written ({_reason(reason or writer.geterror())})")
+            raise OSError(f"{target}: cannot be written ({reason(failure or writer.geterror())})")
         with open(beside, "rb") as whole:
             os.fsync(whole.fileno())
         os.replace(beside, target)
@@ -248,3 +172,29 @@ def magnification(difference: NDArray[np.float32], exposure: float) -> int:
     """
     large = float(np.percentile(np.abs(difference).max(axis=-1), 99)) * 2.0**exposure
     return int(2 ** np.clip(np.round(np.log2(0.5 / large)), 0, 6)) if large > 0 else 64
+
+
+def write(path: str | os.PathLike[str], picture: ArrayLike, *, exposure: float = 0.0, tone: str = "srgb") -> None:
+    """Write a picture: radiance as it is, or as a display shows it.
+
+    Parameters
+    ----------
+    path
+        ``.exr`` or ``.hdr`` for linear radiance, ``.png`` for 8 bits a colour.
+    picture : (h, w, 3) or (h, w) floats
+        Linear radiance.
+    exposure
+        Stops, in a PNG.
+    tone
+        The curve of a PNG, as for `to_display`.
+
+    Raises
+    ------
+    ValueError
+        Another format, shape or type.
+    OSError
+        The file cannot be written.
+    """
+    checked_path(path, "a path, and then a picture")
+    shown = Path(path).suffix.lower() == ".png"
+    save_image(path, to_display(picture, exposure, tone) if shown else np.asarray(picture, np.float32))

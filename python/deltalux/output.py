@@ -7,7 +7,12 @@ import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
+
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
 
 __all__ = ["check_folder", "claim", "nearest", "slug", "write_csv"]
 
@@ -45,15 +50,42 @@ def nearest(path: Path) -> Path:
     return next(parent for parent in (path.absolute(), *path.absolute().parents) if parent.exists())
 
 
+# Of the folders that this process writes into: the lock of each, which goes with the process.
+_LOCKS: dict[Path, TextIO] = {}
+
+
 def claim(folder: str | os.PathLike[str], names: Sequence[str]) -> Path:
-    """Makes the folder, removes what an earlier run of ours left in it, and notes what this one will write."""
+    """Makes the folder, removes what an earlier run of ours left in it, and notes what this one will write.
+
+    Raises
+    ------
+    FileExistsError
+        If another run is writing into the folder.
+    """
     path = check_folder(folder, names)
     path.mkdir(parents=True, exist_ok=True)
+    _lock(path)
     stale = _written(path) - set(names)
     (path / _LIST).write_text("".join(f"{name}\n" for name in names), encoding="utf-8")
     for name in stale:
         (path / name).unlink(missing_ok=True)
     return path
+
+
+def _lock(path: Path) -> None:
+    """Keeps other processes out until this one ends; where the system has no such locks, nothing does."""
+    if fcntl is None or path.absolute() in _LOCKS:
+        return
+    file = open(path / _LIST, "a", encoding="utf-8")  # noqa: SIM115, it stays open
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        file.close()
+        raise FileExistsError(f"another run is writing into {path}; give another folder, or wait") from None
+    except OSError:
+        file.close()  # Some network file systems lock nothing.
+    else:
+        _LOCKS[path.absolute()] = file
 
 
 def slug(name: str, k: int) -> str:

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from typing import TextIO
 
-__all__ = ["Progress", "Reporter", "reporter"]
+__all__ = ["Progress", "Reporter", "reporter", "steps"]
 
 Progress = Callable[[int, int], None]
 """Called with (done, total); whatever it raises stops the work."""
@@ -30,6 +30,19 @@ class Reporter:
         """So many seconds are to go, as is known by now."""
 
 
+def steps(progress: bool | Progress, what: str, count: int) -> Callable[[str], Reporter]:
+    """Reporters for so many steps of one piece of work, each by its name: a bar shows them as one.
+
+    A callable is told of each step by itself, as if it were all.
+    """
+    if callable(progress):
+        return lambda _: _Callback(progress)
+    if not progress:
+        return lambda _: Reporter()
+    bar, names = _Bar(what, sys.stderr), iter(range(count))
+    return lambda name: _Step(bar, name, next(names, count - 1), count)
+
+
 def reporter(progress: bool | Progress, what: str, expected: float | None = None) -> Reporter:
     """The user's callback, a bar on standard error, or silence; a bar may be told how many seconds to expect."""
     if callable(progress):
@@ -47,6 +60,22 @@ class _Callback(Reporter):
         self._progress(done, total)
 
 
+class _Step(Reporter):
+    """One of several steps on a bar."""
+
+    def __init__(self, bar: _Bar, name: str, number: int, count: int) -> None:
+        self._bar, self._name, self._number, self._count = bar, name, number, count
+
+    def __call__(self, done: int, total: int) -> None:
+        self._bar.step = self._name
+        # In thousandths, as steps are of different lengths.
+        share = min(done / total, 1.0) if total else 1.0
+        self._bar(round(1000 * (self._number + share)), 1000 * self._count)
+
+    def say(self, text: str) -> None:
+        self._bar.say(text)
+
+
 class _Bar(Reporter):
     """One line that is drawn over; nothing is drawn before the first second."""
 
@@ -54,6 +83,7 @@ class _Bar(Reporter):
         self._what, self._stream, self._expected = what, stream, expected
         self._started = self._drawn = time.monotonic()
         self._open = False
+        self.step = ""
 
     def __call__(self, done: int, total: int) -> None:
         now = time.monotonic()
@@ -67,8 +97,9 @@ class _Bar(Reporter):
         share = done / total if total else 1.0
         left = self._left(share, elapsed)
         bar = "#" * round(24 * share)
-        text = f"{self._what} [{bar:<24}] {100 * share:3.0f} %  {elapsed:4.0f} s"
-        text += f", {left:.0f} s left" if share < 1 else ""
+        what = f"{self._what}, {self.step}" if self.step else self._what
+        text = f"{what} [{bar:<24}] {100 * share:3.0f} %  {elapsed:4.0f} s"
+        text += f", {left:.0f} s left" if share < 1 else ", done"
         self._open = not last
         end = "" if self._stream.isatty() and not last else "\n"
         start = "\r" if self._stream.isatty() else ""

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from numbers import Real
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from .mistakes import described
 
 Matrix = tuple[tuple[float, float, float], ...]
 
@@ -18,6 +21,8 @@ _AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 def rotation_matrix(degrees: float, axis: str | ArrayLike) -> NDArray[np.float64]:
     """The matrix of a rotation (Rodrigues); quarter turns about an axis of space are exact."""
+    if not isinstance(degrees, Real):
+        raise TypeError(f"expected an angle in degrees, and then an axis, got {described(degrees)}")
     if not math.isfinite(degrees):
         raise ValueError(f"expected a finite angle in degrees, got {degrees}")
     if isinstance(axis, str):

@@ -73,8 +73,8 @@ fn magnitudes(pixels: &[[f32; 3]]) -> Vec<f64> {
 fn mean(layout: Layout, magnitudes: &[f64]) -> f64 {
     let sum = |weigh: &dyn Fn(usize) -> f64| (0..magnitudes.len()).map(weigh).sum::<f64>();
     match layout {
-        Layout::LatLong { width, height } => {
-            sum(&|k| magnitudes[k] * lat_long_area(width, height, k / width)) / (4.0 * std::f64::consts::PI)
+        Layout::LatLong { width, height, rows } => {
+            sum(&|k| magnitudes[k] * lat_long_area(width, height, rows, k / width, 0, 1)) / (4.0 * std::f64::consts::PI)
         }
         Layout::Cubemap { .. } => sum(&|k| magnitudes[k]) / magnitudes.len() as f64,
     }
@@ -95,11 +95,12 @@ impl Square {
     /// One of `parts` x `parts` parts of pixel `k`.
     fn new(layout: Layout, k: usize, parts: usize, part: usize, radiance: [f64; 3]) -> Self {
         let (direction, width, area) = match layout {
-            Layout::LatLong { width, height } => {
-                let (fine, tall) = (width * parts, height * parts);
-                let (row, column) = (k / width * parts + part / parts, k % width * parts + part % parts);
-                let area = lat_long_area(fine, tall, row);
-                (lat_long_direction(fine, tall, row as f64 + 0.5, column as f64 + 0.5), area.sqrt(), area)
+            Layout::LatLong { width, height, rows } => {
+                let (row, column) = (part / parts, k % width * parts + part % parts);
+                let area = lat_long_area(width, height, rows, k / width, row, parts);
+                let angle = rows.angle(height, k / width, row as f64 + 0.5, parts);
+                let around = (column as f64 + 0.5) / (width * parts) as f64;
+                (lat_long_direction(angle, around), area.sqrt(), area)
             }
             Layout::Cubemap { size } => {
                 let fine = (size * parts) as f64;

@@ -131,9 +131,9 @@ impl EnvironmentMap {
                 let turned: Vec<[f32; 3]> =
                     directions.iter().map(|&d| unrotate(rotation, d.map(f64::from)).map(|x| x as f32)).collect();
                 match self.layout {
-                    Layout::LatLong { width, height } => {
+                    Layout::LatLong { width, height, rows } => {
                         let mut seen = vec![[0.0; 3]; turned.len()];
-                        lat_long_all(&self.pixels, width, height, &turned, &mut seen);
+                        lat_long_all(&self.pixels, width, height, rows, &turned, &mut seen);
                         seen
                     }
                     Layout::Cubemap { size } => turned
@@ -148,6 +148,11 @@ impl EnvironmentMap {
             let share = share * scale as f32;
             (0..3).for_each(|c| picture[pixel as usize][c] += share * colour[c]);
         }
+    }
+
+    /// What the map was made of.
+    pub fn source(&self) -> (Layout, &[[f32; 3]]) {
+        (self.layout, &self.pixels)
     }
 
     /// Bytes held, prepared sizes included.
@@ -180,7 +185,7 @@ impl EnvironmentMap {
 
     fn lookup(&self, direction: [f64; 3]) -> [f64; 3] {
         match self.layout {
-            Layout::LatLong { width, height } => lat_long(&self.pixels, width, height, direction),
+            Layout::LatLong { width, height, rows } => lat_long(&self.pixels, width, height, rows, direction),
             Layout::Cubemap { size } => seamless(&self.pixels, size, direction),
         }
     }

@@ -2,6 +2,37 @@
 
 use std::f64::consts::PI;
 
+/// Where the rows of a lat-long image lie between the poles.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Rows {
+    /// Row i of h at (i + 1/2) / h: pixels are areas (Blender, and panoramas as cameras and stitchers write them).
+    Centre,
+    /// Row i of h at i / (h - 1): the first and the last are the poles (Mitsuba and OpenEXR).
+    Edge,
+}
+
+impl Rows {
+    /// How many rows there are from pole to pole, and how far row 0 lies from its pole.
+    pub(super) fn span(self, height: usize) -> (f64, f64) {
+        match self {
+            Rows::Centre => (height as f64, 0.5),
+            Rows::Edge => (height as f64 - 1.0, 0.0),
+        }
+    }
+
+    /// The angle from +Y of a line within row k: part 0 of `parts` is its upper edge, the last its lower one.
+    pub(super) fn angle(self, height: usize, k: usize, part: f64, parts: usize) -> f64 {
+        match self {
+            Rows::Centre => PI * ((k * parts) as f64 + part) / (height * parts) as f64,
+            Rows::Edge => {
+                // Rows at the poles are half as high as others.
+                let line = |k: usize| ((k as f64 - 0.5) / (height as f64 - 1.0)).clamp(0.0, 1.0);
+                PI * (line(k) + (line(k + 1) - line(k)) * part / parts as f64)
+            }
+        }
+    }
+}
+
 /// How a map's pixels lie on the sphere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Layout {
@@ -11,6 +42,8 @@ pub enum Layout {
         width: usize,
         /// Rows, from pole to pole.
         height: usize,
+        /// Where they lie.
+        rows: Rows,
     },
     /// Six faces of `size` x `size` texels.
     Cubemap {
@@ -23,7 +56,7 @@ impl Layout {
     /// The number of pixels of the whole map.
     pub fn pixels(self) -> usize {
         match self {
-            Layout::LatLong { width, height } => width * height,
+            Layout::LatLong { width, height, .. } => width * height,
             Layout::Cubemap { size } => 6 * size * size,
         }
     }
@@ -31,7 +64,7 @@ impl Layout {
     /// The width of a pixel, in radians, where it is widest.
     pub(super) fn pitch(self) -> f64 {
         match self {
-            Layout::LatLong { width, height } => (2.0 * PI / width as f64).max(PI / height as f64),
+            Layout::LatLong { width, height, rows } => (2.0 * PI / width as f64).max(PI / rows.span(height).0.max(1.0)),
             Layout::Cubemap { size } => 2.0 / size as f64,
         }
     }

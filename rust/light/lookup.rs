@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use rayon::prelude::*;
 
-use super::layout::Layout;
+use super::layout::{Layout, Rows};
 use crate::basis::cubemap::{direction_to_face_uv, face_point, rectangle_solid_angle, solid_angles, texel_centre};
 
 /// The weighted mean of `a` and `b`, at `f` of the way.
@@ -13,11 +13,12 @@ fn mix(a: [f64; 3], b: [f64; 3], f: f64) -> [f64; 3] {
 }
 
 /// A lat-long image between the centres of its pixels; columns wrap, and beyond a pole lies the row on its other side.
-pub fn lat_long(pixels: &[[f32; 3]], width: usize, height: usize, direction: [f64; 3]) -> [f64; 3] {
+pub fn lat_long(pixels: &[[f32; 3]], width: usize, height: usize, rows: Rows, direction: [f64; 3]) -> [f64; 3] {
     let [x, y, z] = direction;
+    let (down, first) = rows.span(height);
     let length = (x * x + y * y + z * z).sqrt();
     let u = (x.atan2(-z) / (2.0 * PI)).rem_euclid(1.0) * width as f64 - 0.5;
-    let v = (y / length).clamp(-1.0, 1.0).acos() / PI * height as f64 - 0.5;
+    let v = (y / length).clamp(-1.0, 1.0).acos() / PI * down - first;
     let (left, top) = (u.floor(), v.floor());
     let pixel = |r: usize, c: usize| {
         let (row, column) = (top as isize + r as isize, left as isize + c as isize);
@@ -30,32 +31,55 @@ pub fn lat_long(pixels: &[[f32; 3]], width: usize, height: usize, direction: [f6
 }
 
 /// `lat_long` for many directions of length 1, in f32: angles to a few millionths, far less than a pixel of any map.
-pub fn lat_long_all(pixels: &[[f32; 3]], width: usize, height: usize, directions: &[[f32; 3]], out: &mut [[f32; 3]]) {
+pub fn lat_long_all(
+    pixels: &[[f32; 3]],
+    width: usize,
+    height: usize,
+    rows: Rows,
+    directions: &[[f32; 3]],
+    out: &mut [[f32; 3]],
+) {
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("avx2") {
         // SAFETY: the processor has AVX2.
-        return unsafe { lat_long_avx2(pixels, width, height, directions, out) };
+        return unsafe { lat_long_avx2(pixels, width, height, rows, directions, out) };
     }
-    lat_long_any(pixels, width, height, directions, out)
+    lat_long_any(pixels, width, height, rows, directions, out)
 }
 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn lat_long_avx2(pixels: &[[f32; 3]], width: usize, height: usize, directions: &[[f32; 3]], out: &mut [[f32; 3]]) {
-    lat_long_any(pixels, width, height, directions, out)
+fn lat_long_avx2(
+    pixels: &[[f32; 3]],
+    width: usize,
+    height: usize,
+    rows: Rows,
+    directions: &[[f32; 3]],
+    out: &mut [[f32; 3]],
+) {
+    lat_long_any(pixels, width, height, rows, directions, out)
 }
 
 /// Directions that are turned into angles together.
 const CHUNK: usize = 64;
 
 #[inline(always)]
-fn lat_long_any(pixels: &[[f32; 3]], width: usize, height: usize, directions: &[[f32; 3]], out: &mut [[f32; 3]]) {
-    let (across, down) = (width as f32 / (2.0 * std::f32::consts::PI), height as f32 / std::f32::consts::PI);
+fn lat_long_any(
+    pixels: &[[f32; 3]],
+    width: usize,
+    height: usize,
+    rows: Rows,
+    directions: &[[f32; 3]],
+    out: &mut [[f32; 3]],
+) {
+    let (span, first) = rows.span(height);
+    let (across, down) = (width as f32 / (2.0 * std::f32::consts::PI), span as f32 / std::f32::consts::PI);
+    let first = first as f32;
     let (mut u, mut v) = ([0f32; CHUNK], [0f32; CHUNK]);
     for (directions, out) in directions.chunks(CHUNK).zip(out.chunks_mut(CHUNK)) {
         for (k, &[x, y, z]) in directions.iter().enumerate() {
             u[k] = angle(x, -z) * across - 0.5;
-            v[k] = angle((x * x + z * z).sqrt(), y) * down - 0.5;
+            v[k] = angle((x * x + z * z).sqrt(), y) * down - first;
         }
         for (k, out) in out.iter_mut().enumerate() {
             let (left, top) = (u[k].floor(), v[k].floor());
@@ -127,7 +151,7 @@ pub fn bordered(texels: &[[f32; 3]], size: usize, face: usize, row: isize, colum
 /// The map averaged over the texels of a cubemap with `size` x `size` a face, by solid angle.
 pub fn average(layout: Layout, pixels: Vec<[f32; 3]>, size: usize) -> Vec<[f32; 3]> {
     match layout {
-        Layout::LatLong { width, height } => average_lat_long(pixels, width, height, size),
+        Layout::LatLong { width, height, rows } => average_lat_long(pixels, width, height, rows, size),
         Layout::Cubemap { size: source } => average_cubemap(&pixels, source, size),
     }
 }
@@ -165,10 +189,22 @@ fn average_cubemap(pixels: &[[f32; 3]], source: usize, size: usize) -> Vec<[f32;
 
 /// By quadrature of the bilinear image, one and a half points a pixel or more each way, after averaging pixels that are
 /// far too fine.
-fn average_lat_long(mut pixels: Vec<[f32; 3]>, mut width: usize, mut height: usize, size: usize) -> Vec<[f32; 3]> {
+fn average_lat_long(
+    mut pixels: Vec<[f32; 3]>,
+    mut width: usize,
+    mut height: usize,
+    mut rows: Rows,
+    size: usize,
+) -> Vec<[f32; 3]> {
     let texel = 2.0 / size as f64;
-    let pitch = |width: usize, height: usize| Layout::LatLong { width, height }.pitch();
-    while width.is_multiple_of(2) && height.is_multiple_of(2) && pitch(width, height) < texel / 4.0 {
+    let pitch = |width: usize, height: usize| Layout::LatLong { width, height, rows: Rows::Centre }.pitch();
+    let fine = |width: usize, height: usize| {
+        width.is_multiple_of(2) && height.is_multiple_of(2) && pitch(width, height) < texel / 4.0
+    };
+    if rows == Rows::Edge && fine(width, height) {
+        (pixels, rows) = (centred(&pixels, width, height), Rows::Centre);
+    }
+    while fine(width, height) {
         pixels = halve(&pixels, width, height);
         (width, height) = (width / 2, height / 2);
     }
@@ -184,7 +220,7 @@ fn average_lat_long(mut pixels: Vec<[f32; 3]>, mut width: usize, mut height: usi
             for point in 0..points * points {
                 let (j, i) = (row * points + point / points, column * points + point % points);
                 let direction = face_point(face, texel_centre(grid, i), texel_centre(grid, j));
-                let value = lat_long(&pixels, width, height, direction);
+                let value = lat_long(&pixels, width, height, rows, direction);
                 let weight = areas[j * grid + i];
                 area += weight;
                 (0..3).for_each(|c| sum[c] += weight * value[c]);
@@ -194,9 +230,22 @@ fn average_lat_long(mut pixels: Vec<[f32; 3]>, mut width: usize, mut height: usi
         .collect()
 }
 
+/// An image whose outermost rows are the poles, between its rows at the places of as many rows of equal height.
+fn centred(pixels: &[[f32; 3]], width: usize, height: usize) -> Vec<[f32; 3]> {
+    let row = |k: usize| (k as f64 + 0.5) * (height as f64 - 1.0) / height as f64;
+    (0..width * height)
+        .into_par_iter()
+        .map(|k| {
+            let (row, column) = (row(k / width), k % width);
+            let at = |r: usize| pixels[r * width + column].map(f64::from);
+            mix(at(row as usize), at(row as usize + 1), row.fract()).map(|value| value as f32)
+        })
+        .collect()
+}
+
 /// The mean of 2x2 pixels, rows weighted by their solid angle.
 fn halve(pixels: &[[f32; 3]], width: usize, height: usize) -> Vec<[f32; 3]> {
-    let area = |row: usize| lat_long_area(width, height, row);
+    let area = |row: usize| lat_long_area(width, height, Rows::Centre, row, 0, 1);
     (0..width * height / 4)
         .into_par_iter()
         .map(|k| {
@@ -209,15 +258,14 @@ fn halve(pixels: &[[f32; 3]], width: usize, height: usize) -> Vec<[f32; 3]> {
         .collect()
 }
 
-/// The solid angle of a pixel in a row of a lat-long image.
-pub fn lat_long_area(width: usize, height: usize, row: usize) -> f64 {
-    let edge = |row: usize| (PI * row as f64 / height as f64).cos();
-    2.0 * PI / width as f64 * (edge(row) - edge(row + 1))
+/// The solid angle of one of `parts` x `parts` parts of a pixel in row k of a lat-long image.
+pub fn lat_long_area(width: usize, height: usize, rows: Rows, k: usize, part: usize, parts: usize) -> f64 {
+    let edge = |part: usize| rows.angle(height, k, part as f64, parts).cos();
+    2.0 * PI / (width * parts) as f64 * (edge(part) - edge(part + 1))
 }
 
-/// The direction of the point (row, column), in pixels from the corner, of a lat-long image.
-pub fn lat_long_direction(width: usize, height: usize, row: f64, column: f64) -> [f64; 3] {
-    let ((sin_v, cos_v), (sin_u, cos_u)) =
-        ((PI * row / height as f64).sin_cos(), (2.0 * PI * column / width as f64).sin_cos());
+/// The direction at an angle from +Y and a share of the way around it.
+pub fn lat_long_direction(angle: f64, around: f64) -> [f64; 3] {
+    let ((sin_v, cos_v), (sin_u, cos_u)) = (angle.sin_cos(), (2.0 * PI * around).sin_cos());
     [sin_v * sin_u, cos_v, -sin_v * cos_u]
 }

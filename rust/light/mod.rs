@@ -6,7 +6,8 @@ pub mod layout;
 mod bright;
 mod lookup;
 pub mod peaks;
+pub mod radiance;
 mod resample;
 
 pub use environment::{Behind, EnvironmentMap};
-pub use layout::Layout;
+pub use layout::{Layout, Rows};

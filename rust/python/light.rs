@@ -1,15 +1,15 @@
 //! Bindings of `basis::haar` and `light`. Shapes, dtypes and values are checked by `deltalux.light.environment` beforehand.
 
-use numpy::ndarray::Array4;
+use numpy::ndarray::{Array3, Array4};
 use numpy::{
-    IntoPyArray, PyArray2, PyArray4, PyReadonlyArray2, PyReadonlyArray3, PyReadonlyArray4, PyReadwriteArray3,
-    PyUntypedArrayMethods,
+    IntoPyArray, PyArray1, PyArray2, PyArray3, PyArray4, PyArrayDyn, PyArrayMethods, PyReadonlyArray2,
+    PyReadonlyArray3, PyReadonlyArray4, PyReadwriteArray3, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 
 use crate::basis::haar::Haar;
 use crate::error::{Error, Result};
-use crate::light::{Behind, EnvironmentMap, Layout};
+use crate::light::{Behind, EnvironmentMap, Layout, Rows, radiance};
 
 use super::arrays::{colours, cubemap_colours, not_contiguous, rows, table, triples};
 use super::compute;
@@ -33,11 +33,12 @@ impl PyEnvironmentMap {
 
 #[pymethods]
 impl PyEnvironmentMap {
-    /// A lat-long image, (h, w, 3) float32.
+    /// A lat-long image, (h, w, 3) float32; with `edge` its outermost rows are the poles.
     #[staticmethod]
-    fn from_latlong(py: Python<'_>, pixels: PyReadonlyArray3<'_, f32>) -> PyResult<Self> {
+    fn from_latlong(py: Python<'_>, pixels: PyReadonlyArray3<'_, f32>, edge: bool) -> PyResult<Self> {
         let shape = pixels.as_array().shape().to_vec();
-        let layout = Layout::LatLong { height: shape[0], width: shape[1] };
+        let rows = if edge { Rows::Edge } else { Rows::Centre };
+        let layout = Layout::LatLong { height: shape[0], width: shape[1], rows };
         let colours = colours(pixels.as_slice().map_err(|_| not_contiguous())?)?;
         compute(py, || EnvironmentMap::new(layout, colours)).map(PyEnvironmentMap)
     }
@@ -48,6 +49,17 @@ impl PyEnvironmentMap {
         let layout = Layout::Cubemap { size: pixels.as_array().shape()[1] };
         let colours = colours(pixels.as_slice().map_err(|_| not_contiguous())?)?;
         compute(py, || EnvironmentMap::new(layout, colours)).map(PyEnvironmentMap)
+    }
+
+    /// The pixels as they were given, and whether the outermost rows are the poles: what `from_latlong` and `from_cubemap`
+    /// made it of.
+    fn pixels<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyArrayDyn<f32>>, bool)> {
+        let (layout, pixels) = self.0.source();
+        let (shape, edge) = match layout {
+            Layout::LatLong { width, height, rows } => (vec![height, width, 3], rows == Rows::Edge),
+            Layout::Cubemap { size } => (vec![6, size, size, 3], false),
+        };
+        Ok((PyArray1::from_slice(py, pixels.as_flattened()).reshape(shape)?, edge))
     }
 
     /// Bytes held, with what was prepared for the sizes asked for so far.
@@ -194,6 +206,19 @@ impl PyBehind {
     }
 }
 
+/// The scanlines of a Radiance picture behind its header: (lines, length, 4) uint8, three mantissas and an exponent.
+#[pyfunction]
+fn radiance_scanlines<'py>(
+    py: Python<'py>,
+    body: &[u8],
+    lines: usize,
+    length: usize,
+) -> PyResult<Bound<'py, PyArray3<u8>>> {
+    let pixels = radiance::decode(body, lines, length)?;
+    let array = Array3::from_shape_vec((lines, length, 4), pixels.into_flattened());
+    Ok(array.map_err(|error| Error::input(error.to_string()))?.into_pyarray(py))
+}
+
 /// Haar coefficients of radiance (6, size, size, 3): (6 size^2, 3) float64.
 #[pyfunction]
 fn haar_coefficients<'py>(
@@ -255,6 +280,7 @@ pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(environment_coefficients, module)?)?;
     module.add_function(wrap_pyfunction!(environment_peaks, module)?)?;
     module.add_function(wrap_pyfunction!(environment_radiance, module)?)?;
+    module.add_function(wrap_pyfunction!(radiance_scanlines, module)?)?;
     module.add_function(wrap_pyfunction!(haar_coefficients, module)?)?;
     module.add_function(wrap_pyfunction!(haar_without_texels, module)?)?;
     module.add_function(wrap_pyfunction!(haar_inverse, module)?)?;

@@ -80,9 +80,10 @@ impl Picture {
     }
 }
 
-/// B (rows, 3), the update, the frame's number, the bound in three colours, converged, seconds of choosing and of
-/// multiplying.
-type Stepped<'py> = (Bound<'py, PyArray2<f32>>, UpdateArrays<'py>, u64, [f64; 3], bool, f64, f64);
+/// B (rows, 3), the update, the frame's number; the bound in three colours, what of it is truncation, and what remains of
+/// the light in each band; converged, seconds of choosing and of multiplying.
+type Stepped<'py> =
+    (Bound<'py, PyArray2<f32>>, UpdateArrays<'py>, u64, ([f64; 3], [f64; 3], Vec<[f64; 3]>), bool, f64, f64);
 
 impl Updater {
     /// A picture to be written, with its way back.
@@ -94,7 +95,8 @@ impl Updater {
     fn stepped<'py>(&self, py: Python<'py>, picture: Picture, step: Step) -> PyResult<Stepped<'py>> {
         let values = picture.array(py, self.rows)?;
         let update = update_arrays(py, step.update)?;
-        Ok((values, update, step.number, step.bound, step.converged, step.choosing, step.multiplying))
+        let bound = (step.bound, step.truncation, step.remaining);
+        Ok((values, update, step.number, bound, step.converged, step.choosing, step.multiplying))
     }
 }
 

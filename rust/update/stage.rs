@@ -1,5 +1,7 @@
 //! One stage of a product: V is chosen once, and what changes of it is sent through all of the stage's matrices.
 
+use std::sync::Arc;
+
 use crate::basis::haar::Haar;
 use crate::basis::{Bands, ColumnSpace};
 use crate::error::Result;
@@ -47,6 +49,8 @@ pub struct Output<'a> {
     pub bound: &'a Bound,
     /// None before the first frame.
     pub measured: Option<&'a Measured>,
+    /// The same as if all of V had been applied.
+    pub settled: Option<&'a Measured>,
 }
 
 /// A follower of V over the matrices of one stage.
@@ -59,8 +63,8 @@ pub struct Stage {
     grid: Option<Grid>,
     /// V on its grid.
     target: Vec<[f64; 3]>,
-    /// After the last step.
-    measured: Option<Measured>,
+    /// After the last step, and as if it had applied all of V.
+    measured: Option<[Measured; 2]>,
     /// What those matrices follow that have no texels.
     merged: Option<Merged>,
 }
@@ -75,7 +79,7 @@ struct Merged {
     /// It follows the size of V~, and nothing else; None before the first frame.
     grid: Option<Grid>,
     values: Vec<[f64; 3]>,
-    measured: Option<Measured>,
+    measured: Option<[Measured; 2]>,
 }
 
 impl Merged {
@@ -132,7 +136,8 @@ impl Stage {
         all.map(move |((matrix, response), bound)| {
             let merged = self.merged.as_ref().filter(|_| matrix.space != self.factors.space());
             let measured = merged.map_or(self.measured.as_ref(), |merged| merged.measured.as_ref());
-            Output { matrix, response, bound, measured }
+            let [measured, settled] = [0, 1].map(|which| Some(&measured?[which]));
+            Output { matrix, response, bound, measured, settled }
         })
     }
 
@@ -216,7 +221,7 @@ impl Stage {
     }
 
     fn applied(&self) -> f64 {
-        self.measured.as_ref().map_or(0.0, |measured| measured.applied)
+        self.measured.as_ref().map_or(0.0, |measured| measured[0].applied)
     }
 
     /// Chooses what is sent of the V received.
@@ -244,17 +249,33 @@ impl Stage {
         Ok(())
     }
 
-    /// What is left to apply of V as it was before it was rounded; V itself may be off by `unsure`.
-    pub fn measure(&mut self, light: &[[f64; 3]], unsure: Option<&BandNorms>) {
-        let mut measured = Measured::new(self.bands(), light, self.values());
+    /// What is left to apply of V as it was before it was rounded; V itself may be off by `unsure`, and by the second of
+    /// them once the stage before has applied all of its own.
+    pub fn measure(&mut self, light: &[[f64; 3]], unsure: Option<[BandNorms; 2]>) {
+        let mut both = Measured::new(self.bands(), light, self.values()).and_settled();
         if let Some(unsure) = unsure {
-            measured.add(unsure);
+            both.iter_mut().zip(&unsure).for_each(|(measured, unsure)| measured.add(unsure));
         }
-        self.measured = Some(measured);
+        self.measured = Some(both);
         if let Some(merged) = &mut self.merged {
             let light = merged.haar.without_texels(light);
-            merged.measured = Some(Measured::new(&merged.bands, &light, &merged.values));
+            merged.measured = Some(Measured::new(&merged.bands, &light, &merged.values).and_settled());
         }
+    }
+
+    /// For each matrix what would be measured of a light once all of it had been applied.
+    pub fn settled(&self, light: &[[f64; 3]]) -> Vec<Measured> {
+        let own = |bands: &Bands, light: &[[f64; 3]]| {
+            let [_, settled] = Measured::new(bands, light, light).and_settled();
+            settled
+        };
+        let of_matrix = |matrix: &Arc<TransportMatrix>| match &self.merged {
+            Some(merged) if matrix.space != self.factors.space() => {
+                own(&merged.bands, &merged.haar.without_texels(light))
+            }
+            _ => own(self.bands(), light),
+        };
+        self.factors.iter().map(of_matrix).collect()
     }
 
     /// V~ is V, bit for bit on its grid.

@@ -14,12 +14,15 @@ use crate::transport::Link;
 use super::chain::{Chain, check_mix};
 use super::change::Update;
 use super::choosing::method::{Budget, Settings};
-use super::multiplying::bound::{Measured, bound_rows, finish_bounds, largest_of_all};
+use super::multiplying::bound::{BandNorms, Measured, bound_rows, finish_bounds, largest_of_all};
 use super::multiplying::clustered::Clustered;
 use super::multiplying::finish::Mix;
 use super::multiplying::grid::{Grid, light_norm};
 use super::pace::Pace;
 use super::stage::{Chosen, Output, Stage};
+
+/// Of a budget in error: the rest is for what is rounded on the way.
+const SPENT: f64 = 1.0 - 1.0 / 1024.0;
 
 /// What the first frame starts from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -40,6 +43,10 @@ pub struct Step {
     pub number: u64,
     /// No receiver is further than this from the untruncated product with the light asked for, in red, green and blue.
     pub bound: [f64; 3],
+    /// What of it truncation takes: the bound once V~ is the light.
+    pub truncation: [f64; 3],
+    /// For each band of the first stage's V and colour the norm of what is not yet applied.
+    pub remaining: BandNorms,
     /// V~ is the light, bit for bit on its grid, in all stages.
     pub converged: bool,
     /// Seconds of choosing (grid, tests, selection) and of multiplying, all stages.
@@ -60,6 +67,10 @@ pub struct Updater {
     initial: Option<Initial>,
     /// Whether the grid of a light follows from that light alone, whatever came before.
     steady: bool,
+    /// The budget in error that was asked for: what truncation takes of it is not there to be spent.
+    error: Option<f64>,
+    /// What truncation took of the last frame.
+    truncation: [f64; 3],
     pace: Pace,
     /// Pictures written so far.
     shown: u64,
@@ -77,6 +88,7 @@ impl Updater {
     ) -> Result<Self> {
         let product = &chain.product;
         check_mix(product, mix.as_ref())?;
+        let error = if let Budget::Error { tolerance, .. } = first.budget { Some(tolerance) } else { None };
         let mut stages = Vec::new();
         match (&product.then, second) {
             (None, None) => {}
@@ -98,6 +110,8 @@ impl Updater {
             mix,
             initial: Some(initial),
             steady: false,
+            error,
+            truncation: [0.0; 3],
             pace: Pace::default(),
             shown: 0,
             chain,
@@ -153,6 +167,7 @@ impl Updater {
         if let Chosen::Given { resets, columns } = chosen {
             self.first.check_choice(resets, columns)?;
         }
+        self.spare_truncation(light)?;
         if self.steady {
             let grid = Grid::for_second(light_norm(light), 1.0, self.chain.span)?;
             self.first.receive_on(grid, light)?;
@@ -194,11 +209,56 @@ impl Updater {
         Ok(step)
     }
 
+    /// Lowers a budget in error by what truncation takes under a light, and refuses one that is all taken from the first.
+    ///
+    /// A light that grows too bright later is followed as closely as the budget says, on top of what truncation takes: whoever
+    /// looks on is not cut off.
+    fn spare_truncation(&mut self, light: &[[f64; 3]]) -> Result<()> {
+        let Some(error) = self.error else { return Ok(()) };
+        self.first.check(light)?;
+        let truncation = self.truncation_under(light).into_iter().fold(0.0, f64::max);
+        if truncation >= error && self.initial.is_some() {
+            return Err(Error::input(format!(
+                "expected an error of more than {truncation:.6}, what truncation takes under this light whatever is sent, \
+                 got {error}; a transport made with a smaller tolerance allows less"
+            )));
+        }
+        let Budget::Error { factors, .. } = self.first.budget() else { return Ok(()) };
+        let left = if truncation < error { SPENT * (error - truncation) } else { error };
+        let budget = Budget::Error { tolerance: left, factors: factors.clone() };
+        self.first.set_budget(budget)
+    }
+
+    /// What truncation takes under a light; where a second stage follows over a tree, what it took of the last frame.
+    fn truncation_under(&self, light: &[[f64; 3]]) -> [f64; 3] {
+        let settled = self.first.settled(light);
+        let each: Vec<[f64; 3]> = if !self.chain.clustered.is_empty() {
+            let all = self.chain.clustered.iter().zip(&settled).zip(self.nothing_unsent());
+            all.map(|((own, settled), unsent)| own.largest(settled, &unsent)).collect()
+        } else if self.second.is_empty() {
+            self.first.outputs().zip(&settled).map(|(output, settled)| output.bound.largest(settled)).collect()
+        } else {
+            return self.truncation;
+        };
+        largest_of_all(each.into_iter().zip(self.largest_weights()))
+    }
+
     /// What there is to say of the picture that was just written.
     fn shown(&mut self, update: Update, choosing: f64, multiplying: f64) -> Step {
         self.shown += 1;
         let converged = self.first.is_converged() && self.second.iter().all(Stage::is_converged);
-        Step { update, number: self.shown, bound: self.bound(), converged, choosing, multiplying }
+        self.truncation = self.bound(|output| output.settled, &self.nothing_unsent());
+        let remaining = self.first.outputs().next().and_then(|output| Some(output.measured?.remaining.clone()));
+        Step {
+            update,
+            number: self.shown,
+            bound: self.bound(|output| output.measured, &self.unsent),
+            truncation: self.truncation,
+            remaining: remaining.unwrap_or_default(),
+            converged,
+            choosing,
+            multiplying,
+        }
     }
 
     fn check_room(&self, out: &[f32]) -> Result<()> {
@@ -222,8 +282,9 @@ impl Updater {
             if let Some(clustered) = self.chain.clustered.get(factor) {
                 self.unsent.push(clustered.unsent(&light, stage.values()));
             } else {
-                let unsure = self.chain.unsure(&bound_rows(output.matrix, measured(&output)?), &light);
-                stage.measure(&light, Some(&unsure));
+                let unsure = |measured| self.chain.unsure(&bound_rows(output.matrix, measured), &light);
+                let settled = output.settled.unwrap_or(measured(&output)?);
+                stage.measure(&light, Some([unsure(measured(&output)?), unsure(settled)]));
             }
         }
         Ok(())
@@ -252,14 +313,20 @@ impl Updater {
         }
     }
 
-    /// The bound of all receivers in one number a colour, of the last frame.
-    fn bound(&self) -> [f64; 3] {
+    /// The bound of all receivers in one number a colour, of the last frame, by what `of` says was measured.
+    fn bound(&self, of: impl for<'a> Fn(&Output<'a>) -> Option<&'a Measured>, unsent: &[Vec<[f64; 3]>]) -> [f64; 3] {
         let each: Vec<[f64; 3]> = if self.chain.clustered.is_empty() {
-            self.outputs().iter().filter_map(|output| Some(output.bound.largest(output.measured?))).collect()
+            self.outputs().iter().filter_map(|output| Some(output.bound.largest(of(output)?))).collect()
         } else {
-            self.clustered().filter_map(|(clustered, of, unsent)| Some(clustered.largest(of?, unsent))).collect()
+            let all = self.chain.clustered.iter().zip(self.first.outputs()).zip(unsent);
+            all.filter_map(|((own, output), unsent)| Some(own.largest(of(&output)?, unsent))).collect()
         };
         largest_of_all(each.into_iter().zip(self.largest_weights()))
+    }
+
+    /// What is unsent of clusters once everything has been sent.
+    fn nothing_unsent(&self) -> Vec<Vec<[f64; 3]>> {
+        self.chain.clustered.iter().map(|own| vec![[0.0; 3]; own.clusters()]).collect()
     }
 
     /// Of clustered transport, for each factor: its bound, what has been measured of the light, and what is unsent.

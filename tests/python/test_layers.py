@@ -31,7 +31,9 @@ RUST_FLOORS = (
 )
 PYTHON_FLOORS = (
     ("_core",),
-    ("checks", "rotation", "io", "output", "progress"),
+    ("mistakes",),
+    ("checks", "images"),
+    ("rotation", "io", "output", "progress"),
     ("light", "update", "columns", "brdf", "camera"),
     ("surface",),
     ("transport", "scene", "pages"),
@@ -86,12 +88,13 @@ CRATES = {
     "memmap2": "transport/",
 }
 PACKAGES = {
-    "OpenImageIO": {"io"},
+    "OpenImageIO": {"images/oiio"},
     "trimesh": {"scene/files"},
     "matplotlib": {"pages/plotting", "report/gallery"},
     "mapbox_earcut": {"scene/polygons"},
-    "PIL": {"scene/texture", "report/gallery"},
+    "PIL": {"images/colour", "images/png", "relight/video", "scene/texture", "report/gallery"},
     "scipy": {"transport/matrix"},
+    "imageio_ffmpeg": {"relight/video"},
     "mitsuba": set(),
     "embreex": set(),
     "pickle": set(),

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use _core::basis::cubemap::{direction_to_face_uv, face_point, solid_angles, texel_centre, texel_direction, texel_of};
-use _core::light::{EnvironmentMap, Layout};
+use _core::light::{EnvironmentMap, Layout, Rows};
 use proptest::prelude::*;
 
 type Matrix = [[f64; 3]; 3];
@@ -144,7 +144,7 @@ fn lat_long_has_mitsubas_orientation() {
             [v.sin() * u.sin(), v.cos(), -v.sin() * u.cos()].map(|x| (2.0 + x) as f32)
         })
         .collect();
-    let map = EnvironmentMap::new(Layout::LatLong { width, height }, pixels).unwrap();
+    let map = EnvironmentMap::new(Layout::LatLong { width, height, rows: Rows::Centre }, pixels).unwrap();
     let rotation = turn([0.3, -0.5, 0.8], 1.1);
     let got = resampled(&map, 16, &rotation);
     for (k, value) in got.iter().enumerate() {
@@ -168,7 +168,7 @@ proptest! {
         let (width, height, size) = (1024, 512, 1 << level);
         let mut pixels = vec![[0.0; 3]; width * height];
         pixels[v * width + u] = [1e5; 3];
-        let map = EnvironmentMap::new(Layout::LatLong { width, height }, pixels).unwrap();
+        let map = EnvironmentMap::new(Layout::LatLong { width, height, rows: Rows::Centre }, pixels).unwrap();
         let edge = |row: usize| (PI * row as f64 / height as f64).cos();
         let expected = 1e5 * 2.0 * PI / width as f64 * (edge(v) - edge(v + 1));
         let turned = resampled(&map, size, &rotation);
@@ -192,8 +192,8 @@ proptest! {
 
     /// A constant stays the constant to f32 rounding, from and to any size.
     #[test]
-    fn constants_stay(rotation in rotations(), width in 1usize..40, height in 1usize..40, size in 1usize..20, cube in any::<bool>()) {
-        let layout = if cube { Layout::Cubemap { size: width } } else { Layout::LatLong { width, height } };
+    fn constants_stay(rotation in rotations(), width in 1usize..40, height in 1usize..40, size in 1usize..20, cube in any::<bool>(), edge in any::<bool>()) {
+        let layout = if cube { Layout::Cubemap { size: width } } else { Layout::LatLong { width, height, rows: if edge { Rows::Edge } else { Rows::Centre } } };
         let map = EnvironmentMap::new(layout, vec![[0.7, -3e-5, 1e20]; layout.pixels()]).unwrap();
         for l in resampled(&map, size, &rotation) {
             prop_assert!((l[0] / 0.7 - 1.0).abs() < 1e-6 && (l[1] / -3e-5 - 1.0).abs() < 1e-6 && (l[2] / 1e20 - 1.0).abs() < 1e-6, "{l:?}");
@@ -220,7 +220,7 @@ proptest! {
 fn threads_do_not_change_a_bit() {
     let (width, height) = (256, 128);
     let pixels = (0..width * height).map(|k| [1.0 + (k * 7919 % 101) as f32 * f32::from(k % 5 == 0); 3]).collect();
-    let map = EnvironmentMap::new(Layout::LatLong { width, height }, pixels).unwrap();
+    let map = EnvironmentMap::new(Layout::LatLong { width, height, rows: Rows::Centre }, pixels).unwrap();
     let with_threads = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| resampled(&map, 37, &turn([0.3, -0.5, 0.8], 1.1)))
@@ -244,7 +244,10 @@ fn nothing_jumps_when_a_rotation_sets_in() {
 
 #[test]
 fn bad_maps_are_refused() {
-    assert!(EnvironmentMap::new(Layout::LatLong { width: 0, height: 3 }, vec![]).is_err());
+    assert!(EnvironmentMap::new(Layout::LatLong { width: 0, height: 3, rows: Rows::Centre }, vec![]).is_err());
     assert!(EnvironmentMap::new(Layout::Cubemap { size: 2 }, vec![[0.0; 3]; 23]).is_err());
-    assert!(EnvironmentMap::new(Layout::LatLong { width: 1, height: 1 }, vec![[0.0, f32::NAN, 0.0]]).is_err());
+    assert!(
+        EnvironmentMap::new(Layout::LatLong { width: 1, height: 1, rows: Rows::Centre }, vec![[0.0, f32::NAN, 0.0]])
+            .is_err()
+    );
 }

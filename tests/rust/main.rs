@@ -13,6 +13,7 @@ mod harmonics;
 mod light;
 mod lobes;
 mod pass;
+mod radiance;
 mod response;
 mod scene;
 mod sight;

@@ -1,7 +1,7 @@
 //! Texel columns: bits that come back as they went in, values by their definition, files that lie.
 
 use _core::basis::cubemap::{around, texel_direction};
-use _core::light::{EnvironmentMap, Layout};
+use _core::light::{EnvironmentMap, Layout, Rows};
 use _core::transport::sight::{Encoded, Seen, Sight, Texels, texel_columns};
 use proptest::prelude::*;
 
@@ -134,7 +134,7 @@ fn a_sun_is_one_peak() {
     for column in 300..303 {
         pixels[128 * width + column] = [9000.0, 6000.0, 3000.0];
     }
-    let map = EnvironmentMap::new(Layout::LatLong { width, height }, pixels).unwrap();
+    let map = EnvironmentMap::new(Layout::LatLong { width, height, rows: Rows::Centre }, pixels).unwrap();
     let one = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     let peaks = map.peaks(64, &one, 8);
     assert_eq!(peaks.len(), 1, "{peaks:?}");

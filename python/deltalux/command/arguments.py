@@ -3,26 +3,64 @@
 from __future__ import annotations
 
 import argparse
+import math
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
 from ..camera import Camera
-from ..light.environment import Environment
+from ..light.environment import ROWS, Environment
 from ..light.layouts import LAYOUTS
 from ..light.motion import Motion
+from ..light.pixels import REPAIRS
 from ..light.skies import BUILTIN
+from ..mistakes import near, refuse_kind
 from ..relight.backdrop import checked_backdrop
 from ..scene.builtin.catalogue import SCENES
 from ..scene.scene import Scene
 
+STOPS = 64
+"""Of exposure, either way."""
+
+# More of them only wait for each other.
+_THREADS_A_PROCESSOR = 16
+
 
 class Parser(argparse.ArgumentParser):
-    """Errors in arguments look like all others."""
+    """Errors in arguments look like all others, and name what was probably meant."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        # What begins with a minus and a digit is a value, such as -1,0,5:0,0,0, and no option.
+        self._negative_number_matcher = re.compile(r"-[\d.]")
 
     def error(self, message: str) -> NoReturn:
-        raise ValueError(f"{message} ({self.prog} --help says more)")
+        unknown = re.search(r"unrecognized arguments: (--[\w-]+)", message)
+        meant = near(unknown[1], self.options()) if unknown else ""
+        raise ValueError(f"{message}{meant} ({self.prog} --help says more)")
+
+    def options(self) -> list[str]:
+        """The names of all options, those of its commands included."""
+        commands = [action for action in self._actions if isinstance(action, argparse._SubParsersAction)]
+        own = [name for action in self._actions for name in action.option_strings]
+        return own + [name for action in commands for command in action.choices.values() for name in command.options()]
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.choices is not None and value not in action.choices:
+            what = f"expected one of {', '.join(map(str, action.choices))}, got {value!r}{near(value, action.choices)}"
+            raise argparse.ArgumentError(action, what)
+
+
+class Once(argparse.Action):
+    """An option that says one thing, and is refused when it is given again."""
+
+    def __call__(self, parser: Any, chosen: argparse.Namespace, value: Any, option: str | None = None) -> None:
+        before = getattr(chosen, self.dest)
+        if before is not None:
+            raise argparse.ArgumentError(self, f"expected one, got {before!r} and {value!r}")
+        setattr(chosen, self.dest, value)
 
 
 def add_command(
@@ -40,10 +78,13 @@ def add_light(command: argparse.ArgumentParser, several: bool = False, default: 
     names = f"{', '.join(BUILTIN)}, or a .hdr or .exr file"
     names += "; may be given again for more chapters" if several else ""
     names += f"; default: {default}" if default else ""
-    action = "append" if several else "store"
-    command.add_argument("--env", action=action, metavar="ENV", help=names, required=several and default is None)
+    command.add_argument(
+        "--env", action="append" if several else Once, metavar="ENV", help=names, required=several and default is None
+    )
     command.add_argument("--layout", choices=LAYOUTS, help="of the file; default: recognised")
-    command.add_argument("--repair", choices=("zero",), help="make NaN and infinite pixels black")
+    command.add_argument("--layer", metavar="NAME", help="of an EXR file; default: R, G and B, or the only one")
+    command.add_argument("--rows", choices=ROWS, default="centre", help="of a lat-long file; default: %(default)s")
+    command.add_argument("--repair", choices=REPAIRS, help="NaN and infinite pixels to black, to 65504; negative ones")
 
 
 def add_motion(command: argparse.ArgumentParser, rotate: float, hold: int) -> None:
@@ -90,10 +131,34 @@ def read_size(text: str) -> tuple[int, int]:
 
 
 def read_threads(text: str) -> int:
-    """A number of threads."""
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"expected a number of threads, got {text!r}")
+    """A number of threads, of which a machine runs as many as it has processors at once."""
+    most = _THREADS_A_PROCESSOR * (os.cpu_count() or 1)
+    if not text.isdecimal() or int(text) > most:
+        raise argparse.ArgumentTypeError(f"expected 0 to {most} threads, on {os.cpu_count()} processors, got {text!r}")
     return int(text)
+
+
+def read_terms(text: str) -> int:
+    """A budget in columns."""
+    if not text.isdecimal() or int(text) == 0:
+        raise argparse.ArgumentTypeError(f"expected at least 1 column a frame, got {text!r}")
+    return int(text)
+
+
+def read_exposure_or_lock(text: str) -> float | str:
+    """Stops, or lock."""
+    return text if text == "lock" else read_exposure(text)
+
+
+def read_exposure(text: str) -> float:
+    """Stops."""
+    try:
+        stops = float(text)
+    except ValueError:
+        stops = math.inf
+    if not abs(stops) <= STOPS:
+        raise argparse.ArgumentTypeError(f"expected an exposure from -{STOPS} to {STOPS} stops, got {text!r}")
+    return stops
 
 
 def read_bounces(text: str) -> int | str:
@@ -147,7 +212,8 @@ def scene_of(chosen: argparse.Namespace) -> Scene:
     """A built-in scene or a file, seen as asked."""
     name = chosen.scene
     if name not in SCENES and not Path(name).suffix and not os.path.exists(name):
-        raise ValueError(f"expected a scene of {', '.join(SCENES)}, or a file, got {name!r}")
+        raise ValueError(f"expected a scene of {', '.join(SCENES)}, or a file, got {name!r}{near(name, SCENES)}")
+    refuse_kind(name, "a scene")
     camera = chosen.camera
     if isinstance(camera, tuple):
         position, target, fov = camera
@@ -169,8 +235,10 @@ def environment_of(name: str, chosen: argparse.Namespace) -> Environment:
     if name in BUILTIN:
         return Environment.builtin(name)
     if not Path(name).suffix and not os.path.exists(name):
-        raise ValueError(f"expected an environment of {', '.join(BUILTIN)}, or a file, got {name!r}")
-    return Environment.load(name, layout=chosen.layout, repair=chosen.repair)
+        raise ValueError(
+            f"expected an environment of {', '.join(BUILTIN)}, or a file, got {name!r}{near(name, BUILTIN)}"
+        )
+    return Environment.load(name, chosen.layout, chosen.repair, layer=chosen.layer, rows=chosen.rows)
 
 
 def say(what: object) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import sys
+import time
 import warnings
 from collections.abc import Sequence
 from typing import Any
@@ -18,9 +19,13 @@ from .arguments import Parser
 __all__ = ["main"]
 
 
+_LONG = 5.0
+"""Seconds after which it is said how long a command took."""
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs one command and returns its exit status: 0, 2 after an error, 130 after Ctrl-C."""
-    chosen = None
+    chosen, began = None, time.monotonic()
     try:
         chosen = _parser().parse_args(arguments)
         with warnings.catch_warnings():
@@ -29,6 +34,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             if chosen.threads is not None:
                 set_threads(chosen.threads)
             chosen.run(chosen)
+        if (seconds := time.monotonic() - began) >= _LONG:
+            print(f"deltalux: done in {seconds:.0f} s", file=sys.stderr)
     except KeyboardInterrupt:
         return _stop(130, getattr(chosen, "when_stopped", "stopped"))
     except BrokenPipeError:

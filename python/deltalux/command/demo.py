@@ -34,7 +34,7 @@ def add(commands: Any) -> None:
     command = add_command(
         commands, "demo", _run, "a plant under a turning sky, from triangles to a page, in two minutes"
     )
-    command.set_defaults(when_stopped="stopped; the same command resumes the precomputation where it left off")
+    command.set_defaults(when_stopped="stopped; the same command resumes the precomputation, and begins the rest anew")
     command.add_argument("-o", "--output", default=FOLDER, metavar="FOLDER", help="default: %(default)s")
     command.add_argument("--size", type=read_size, default=SIZE, metavar="WxH", help=f"default: {SIZE[0]}x{SIZE[1]}")
     command.add_argument("--columns", default=COLUMNS, metavar="haar:N", help="default: %(default)s")

@@ -70,6 +70,7 @@ def add(commands: Any) -> None:
     command.add_argument(
         "--refine", type=float, metavar="SHARE", help="split edges where vertices differ by more, such as 0.01"
     )
+    command.add_argument("--again", action="store_true", help="compute anew what is there already")
     command.add_argument("--plan", action="store_true", help="only say what would be computed and what it would cost")
 
     command = add_command(commands, "info", _info, "what a transport holds")
@@ -93,9 +94,13 @@ def _precompute(chosen: argparse.Namespace) -> None:
         refine=chosen.refine,
     )
     request = Precomputation(scene, asked)
+    made = None if chosen.again or chosen.plan or chosen.output is None else request.made(chosen.output)
+    if made is not None:
+        say(f"{made}\n{chosen.output} is there already, of this scene and these settings; --again computes it anew")
+        return
     say(request.plan)
     if chosen.output is not None and not chosen.plan:
-        say(request.run(chosen.output))
+        say(request.run(chosen.output, again=True))
         say(f"{chosen.output} is ready")
 
 

@@ -4,15 +4,34 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from contextlib import nullcontext
+from pathlib import Path
 from typing import Any
 
+from ..io import TONES
 from ..light.environment import Environment
 from ..light.sequences import SEQUENCES, make
+from ..mistakes import near
 from ..relight.film import FORMATS, Film, check_frames, relight_frames
+from ..relight.video import check_video, video
 from ..transport.transport import Transport
 from ..update.methods import WEIGHTS, Full, HarmonicOrder, Incremental, Linear, Method, Nonlinear, PerBand
-from .arguments import add_background, add_command, add_light, add_motion, environment_of, motion_of, say
+from .arguments import (
+    add_background,
+    add_command,
+    add_light,
+    add_motion,
+    environment_of,
+    motion_of,
+    read_exposure,
+    read_exposure_or_lock,
+    read_terms,
+    say,
+)
 from .own import OWN, read_own
+
+# What --exposure lock keeps, in the folder that holds those of the runs.
+_LOCK = ".deltalux-exposure"
 
 _METHODS: dict[str, Callable[..., Method]] = {
     "nwa": Nonlinear,
@@ -36,11 +55,14 @@ def add(commands: Any) -> None:
         "--method", type=_read_method, default="pbi", metavar="METHOD", help=f"{names}, or {OWN}; default: %(default)s"
     )
     budget = command.add_mutually_exclusive_group()
-    budget.add_argument("--terms", type=int, help="columns a frame; default: 30")
+    budget.add_argument("--terms", type=read_terms, help="columns a frame; default: 30")
     budget.add_argument("--milliseconds", type=float, metavar="MS", help="time a frame, instead of --terms")
     budget.add_argument("--error", type=float, metavar="RADIANCE", help="bound on the error, instead of --terms")
     command.add_argument("--weight", choices=WEIGHTS, help="what a change is worth; default: the method's own, area")
-    command.add_argument("--exposure", type=float, metavar="STOPS", help="of the PNGs; default: chosen by the light")
+    exposure = "of the PNGs; lock: that of the last run beside this one; default: chosen by the light"
+    command.add_argument("--exposure", type=read_exposure_or_lock, metavar="STOPS|lock", help=exposure)
+    command.add_argument("--tone", choices=TONES, default="srgb", help="curve of the PNGs; default: %(default)s")
+    command.add_argument("--video", metavar="FILE", help="a .mp4 or .webp of all frames as well")
     add_background(command)
     command.add_argument("--format", choices=FORMATS, default="png", help="default: %(default)s")
     command.add_argument("--half", action="store_true", help="half floats in the EXRs: half the bytes")
@@ -49,18 +71,39 @@ def add(commands: Any) -> None:
 
 def _relight(chosen: argparse.Namespace) -> None:
     method, film = _method(chosen), _film(chosen)
+    if chosen.output.rstrip("/").endswith(".transport"):
+        raise ValueError(f"expected a folder for frames, got {chosen.output}, the name of a transport")
     transport = Transport.open(chosen.transport)
     check_frames(chosen.output, film, chosen.format)
-    chosen.when_stopped = f"stopped; the frames so far are in {chosen.output}"
+    chosen.when_stopped = f"stopped; the frames so far are in {chosen.output}, and the same command begins anew"
     if chosen.half and chosen.format == "png":
         raise ValueError("expected --half with --format exr or both, got png, which has 8 bits")
+    if chosen.video is not None:
+        check_video(chosen.video)
+    locked = Path(chosen.output).absolute().parent / _LOCK
+    exposure = _locked(locked) if chosen.exposure == "lock" else chosen.exposure
     options = {
-        "exposure": chosen.exposure,
+        "exposure": exposure,
         "kind": chosen.format,
         "half": chosen.half,
+        "tone": chosen.tone,
         "background": chosen.background,
     }
-    say(relight_frames(transport, film, chosen.output, method, **options))
+    with video(chosen.video) if chosen.video is not None else nullcontext() as reel:
+        relit = relight_frames(transport, film, chosen.output, method, reel=reel, **options)
+    if chosen.exposure == "lock":
+        locked.write_text(f"{relit.exposure!r}\n", encoding="utf-8")
+    say(relit)
+
+
+def _locked(path: Path) -> float | None:
+    """The exposure that an earlier run kept; None where there was none, and this one chooses."""
+    try:
+        return read_exposure(path.read_text(encoding="utf-8").strip())
+    except FileNotFoundError:
+        return None
+    except argparse.ArgumentTypeError as error:
+        raise ValueError(f"{path}: {error}; remove it to choose anew") from None
 
 
 def _film(chosen: argparse.Namespace) -> Film:
@@ -87,12 +130,13 @@ def _film(chosen: argparse.Namespace) -> Film:
 
 def _read_method(text: str) -> str | type[Method]:
     """A name, or a class of one's own."""
-    if text == "full" or text in _METHODS:
-        return text
+    if text.lower() in ("full", *_METHODS):
+        return text.lower()
     if ":" in text or text.endswith(".py"):
         return read_own(text)
     names = ", ".join(("full", *_METHODS))
-    raise argparse.ArgumentTypeError(f"expected a method of {names}, or {OWN}, got {text!r}")
+    meant = near(text, ("full", *_METHODS))
+    raise argparse.ArgumentTypeError(f"expected a method of {names}, or {OWN}, got {text!r}{meant}")
 
 
 def _method(chosen: argparse.Namespace) -> Method:

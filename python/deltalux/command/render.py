@@ -7,10 +7,19 @@ from pathlib import Path
 from typing import Any
 
 from ..camera import Camera
-from ..io import auto_exposure, save_image, to_display
+from ..io import TONES, auto_exposure, save_image, to_display
 from ..relight.backdrop import Backdrop
 from ..transport.transport import Transport
-from .arguments import add_background, add_command, add_light, environment_of, read_camera, read_size, say
+from .arguments import (
+    add_background,
+    add_command,
+    add_light,
+    environment_of,
+    read_camera,
+    read_exposure,
+    read_size,
+    say,
+)
 
 _SUFFIXES = (".exr", ".png")
 
@@ -28,7 +37,10 @@ def add(commands: Any) -> None:
     )
     command.add_argument("--size", type=read_size, metavar="WxH", help="pixels; default: those of its scene")
     command.add_argument("--rotate", type=float, default=0.0, metavar="DEGREES", help="of the light about y")
-    command.add_argument("--exposure", type=float, metavar="STOPS", help="of a PNG; default: chosen by the picture")
+    command.add_argument(
+        "--exposure", type=read_exposure, metavar="STOPS", help="of a PNG; default: chosen by the picture"
+    )
+    command.add_argument("--tone", choices=TONES, default="srgb", help="curve of a PNG; default: %(default)s")
     add_background(command)
     command.add_argument("--half", action="store_true", help="half floats in an EXR")
     command.add_argument("-o", "--output", required=True, metavar="FILE", help="a .png or an .exr")
@@ -54,7 +66,7 @@ def _render(chosen: argparse.Namespace) -> None:
     if chosen.background.startswith("#") and not exr:
         # The colour is what displays show, whatever the exposure.
         picture = backdrop.picture(B, env, exposure)
-    save_image(path, picture if exr else to_display(picture, exposure), about, half=chosen.half)
+    save_image(path, picture if exr else to_display(picture, exposure, chosen.tone), about, half=chosen.half)
     say(f"{path}: {picture.shape[1]} x {picture.shape[0]} pixels" + ("" if exr else f", {exposure:+.2f} stops"))
 
 

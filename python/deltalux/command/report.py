@@ -16,6 +16,7 @@ def add(commands: Any) -> None:
     command = add_command(commands, "report", _report, "all methods against the exact product: error, run time, bytes")
     command.add_argument("transport", metavar="TRANSPORT")
     add_light(command, several=True)
+    command.set_defaults(when_stopped="stopped; the same command begins anew")
     add_motion(command, rotate=45.0, hold=25)
     add_own(command)
     command.add_argument("-o", "--output", required=True, metavar="FOLDER")

@@ -26,7 +26,7 @@ def add(commands: Any) -> None:
     command = add_command(
         commands, "study", _study, "what the papers claim of moving light and of the methods, measured"
     )
-    command.set_defaults(when_stopped="stopped; transports so far resume when the same command runs again")
+    command.set_defaults(when_stopped="stopped; the same command keeps the transports, and begins the rest anew")
     command.add_argument("study", choices=STUDIES, metavar="NAME", help=", ".join(STUDIES))
     add_light(command, several=True, default=_STUDY_LIGHT)
     traces = ", ".join(f"for {name} {study.traces}" for name, study in STUDIES.items() if study.traces)

@@ -9,6 +9,8 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
+from numbers import Real
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,17 +24,22 @@ from .._core import (
     environment_radiance,
     harmonic_coefficients,
 )
-from ..checks import Vector, as_vector, count
-from ..io import load_image
+from ..checks import Vector, as_vector, count, one_of, real_array
+from ..images.png import encoded
+from ..io import auto_exposure, load_image, to_display
+from ..mistakes import checked_path, instead_of, kind_of, near, refuse_kind
 from ..rotation import IDENTITY, Matrix, as_matrix, rotation_matrix, unit_directions
 from . import layouts, skies
+from .pixels import floats, repaired
 
 _Layer = tuple[float, EnvironmentMap, Matrix]
 """A map, its weight in the sum, and how it is turned."""
 
-_LARGEST_HALF = 65504.0
 # The core's own limit, which it keeps as well.
 _LARGEST_FACE = 2048
+
+ROWS = ("centre", "edge")
+"""Where the rows of a lat-long image lie."""
 
 
 @dataclass(frozen=True)
@@ -54,9 +61,22 @@ class Peak:
 class Environment:
     """Distant light of any kind: linear RGB radiance for every direction. Immutable.
 
-    Made by `load`, `builtin`, `from_latlong` or `from_cubemap`; `rotated`, `mixed` and `scaled` make new ones, which
-    share the maps. Axes are right-handed with +Y up. Lat-long images have u = atan2(x, -z) / 2π and v = acos(y) / π
-    (Mitsuba's and OpenEXR's convention); cubemaps have the faces +X, -X, +Y, -Y, +Z, -Z in OpenGL's orientation.
+    Made by `load`, `builtin`, `from_latlong` or `from_cubemap`; `rotated`, `mixed`, `scaled` and `tinted` make new
+    ones, as do ``env * 2``, ``env * (1, 0.9, 0.8)`` and ``env + other``. Axes are right-handed with +Y up. Lat-long
+    images have u = atan2(x, -z) / 2π and v = acos(y) / π; cubemaps have the faces +X, -X, +Y, -Y, +Z, -Z in OpenGL's
+    orientation.
+
+    Where rows and columns of a lat-long image of h x w lie, against others' conventions:
+
+    ========== ===================== ===================== ===========================================================
+    whose      row i at v            column j at u         here
+    ========== ===================== ===================== ===========================================================
+    Mitsuba 3  i / (h - 1)           (j + 1/2) / w         ``rows="edge"``
+    OpenEXR    i / (h - 1)           j / (w - 1)           ``rows="edge"``; columns differ by half a texel at most
+    Blender    (i + 1/2) / h         (j + 1/2) / w         ``rows="centre"``; its middle is +X, ours +Z: `rotated` by 90
+    ========== ===================== ===================== ===========================================================
+
+    Files are taken to hold areas, as cameras, stitchers and Blender write them; arrays, points, as Mitsuba's bitmaps.
 
     Attributes
     ----------
@@ -74,8 +94,8 @@ class Environment:
     _layers: tuple[_Layer, ...]
     name: str
 
-    def __init__(self) -> None:
-        raise TypeError("use Environment.load, .builtin, .from_latlong or .from_cubemap")
+    def __init__(self, *_: object, **__: object) -> None:
+        raise TypeError("use Environment.load(path), .builtin(name), .from_latlong(array) or .from_cubemap(array)")
 
     @classmethod
     def _of(cls, layers: Sequence[_Layer], name: str) -> Environment:
@@ -90,9 +110,52 @@ class Environment:
     def __repr__(self) -> str:
         return f"Environment({self.name!r})"
 
+    def _repr_png_(self) -> bytes:
+        height, width = 128, 256
+        around, down = (np.arange(n) + 0.5 for n in (width, height))
+        phi, theta = 2 * np.pi * around / width, np.pi * down[:, None] / height
+        x, z = np.sin(theta) * np.sin(phi), -np.sin(theta) * np.cos(phi)
+        picture = self.radiance(np.stack([x, np.broadcast_to(np.cos(theta), x.shape), z], axis=-1))
+        return encoded(to_display(picture, auto_exposure(picture)))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A map that several layers share is pickled once: pickle knows arrays that it has seen.
+        content = {id(light): light.pixels() for _, light, _ in self._layers}
+        layers = [(weight, content[id(light)], turn) for weight, light, turn in self._layers]
+        return _restored, (layers, self.name)
+
+    def __copy__(self) -> Environment:
+        return self
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Environment:
+        return self
+
+    def __mul__(self, factor: float | ArrayLike) -> Environment:
+        return self.scaled(float(factor)) if isinstance(factor, Real) else self.tinted(cast(ArrayLike, factor))
+
+    __rmul__ = __mul__
+    # Or an array would take each of its numbers times the light.
+    __array_ufunc__ = None
+
+    def __add__(self, other: Environment) -> Environment:
+        if not isinstance(other, Environment):
+            return NotImplemented
+        return self._of((*self._layers, *other._layers), f"{self.name} and {other.name}")
+
     @classmethod
-    def load(cls, path: str | os.PathLike[str], layout: str | None = None, repair: str | None = None) -> Environment:
-        """Read a .hdr or .exr file (or any image; 8-bit images are taken for sRGB).
+    def load(
+        cls,
+        path: str | os.PathLike[str],
+        layout: str | None = None,
+        repair: str | None = None,
+        *,
+        layer: str | None = None,
+        rows: str = "centre",
+    ) -> Environment:
+        """Read a .hdr or .exr file (or any image; those of whole numbers are taken for sRGB, with a warning).
+
+        What a header says of its pixels is applied: orientation, windows, exposures, colours
+        (``deltalux/images/attributes.py`` lists all of it).
 
         Parameters
         ----------
@@ -101,9 +164,17 @@ class Environment:
         layout
             ``"latlong"``, ``"vertical-cross"``, ``"horizontal-cross"``, ``"angular"`` (Debevec's light probe) or
             ``"cube"`` (a strip of six faces). Without it the EXR attribute ``envmap`` decides, then the proportions:
-            2:1, 3:4, 4:3, 1:1 and 6:1 or 1:6. Crosses and probes look along -Z in their middle, +X to the right.
+            2:1, 3:4, 4:3, 1:1 and 6:1 or 1:6, and crosses that were padded to a square. Crosses and probes look along
+            -Z in their middle, +X to the right.
         repair
-            ``"zero"`` turns NaN and infinite pixels black, with a warning that counts them.
+            ``"clip"`` turns infinite values into 65,504, the largest half float, and NaN black; ``"zero"`` turns pixels
+            black that have either; ``"positive"`` lifts negative values to 0; ``"clamp"`` does what ``"clip"`` and
+            ``"positive"`` do. A warning says what changed.
+        layer
+            The layer of an EXR file that is the light; by default the channels R, G and B, or the only layer that may
+            be.
+        rows
+            Of a lat-long image: ``"centre"`` or ``"edge"`` (the table above).
 
         Returns
         -------
@@ -115,19 +186,27 @@ class Environment:
         FileNotFoundError, OSError
             The file cannot be opened.
         FileError
-            It is not an image, or is truncated. A ``ValueError``.
+            It is not an image, is truncated, or holds nothing that is light. A ``ValueError``.
         ValueError
             The layout is not recognised, or pixels are NaN or infinite (count, row and column of the first).
         """
-        image, metadata = load_image(path)
+        checked_path(path, "the path of an image (from_latlong takes an array)")
+        if path in skies.BUILTIN and not os.path.exists(path):
+            raise FileNotFoundError(f"{path}: there is no such file; dl.Environment.builtin({path!r}) is a light")
+        refuse_kind(path, "a light")
+        image, metadata = load_image(path, layer)
         envmap = metadata.get("envmap")
-        height, width = image.shape[:2]
+        if metadata["format"].startswith("uint"):
+            warnings.warn(
+                f"{os.fspath(path)}: colours made for a display, whose brightest are cut; as light they are too even",
+                stacklevel=2,
+            )
         try:
-            kind = layouts.recognise(width, height, envmap) if layout is None else layout
-            pixels = layouts.convert(_finite(image, repair, halves="half" in metadata["format"]), kind, envmap)
+            pixels, kind = layouts.recognise(image, envmap) if layout is None else (image, layout)
+            pixels = layouts.convert(repaired(pixels, repair, halves="half" in metadata["format"]), kind, envmap)
+            return cls._from_pixels(pixels, os.path.basename(os.fspath(path)), rows)
         except ValueError as error:
             raise ValueError(f"{os.fspath(path)}: {error}") from None
-        return cls._from_pixels(pixels, os.path.basename(os.fspath(path)))
 
     @classmethod
     def builtin(cls, name: str) -> Environment:
@@ -154,7 +233,9 @@ class Environment:
         return _builtin(name)
 
     @classmethod
-    def from_latlong(cls, array: ArrayLike, repair: str | None = None) -> Environment:
+    def from_latlong(
+        cls, array: ArrayLike, repair: str | None = None, *, rows: str = "edge", encoding: str | None = None
+    ) -> Environment:
         """Light from a lat-long image.
 
         Parameters
@@ -163,6 +244,11 @@ class Environment:
             Linear RGB radiance; row 0 is at +Y, the middle column at +Z.
         repair
             As for `load`.
+        rows
+            ``"edge"``: the first and the last row are the poles, as in Mitsuba; ``"centre"``: rows are bands of equal
+            height, as in Blender.
+        encoding
+            ``"srgb"``: colours of a display, whole numbers of 8 or 16 bits or floats from 0 to 1.
 
         Returns
         -------
@@ -172,15 +258,16 @@ class Environment:
         Raises
         ------
         ValueError
-            If the shape or the type is wrong, or pixels are NaN or infinite in float32.
+            If the shape or the type is wrong, whole numbers come without an encoding, or pixels are NaN or infinite in
+            float32.
         """
-        pixels = _floats(array)
+        pixels = floats(array, encoding)
         if pixels.ndim != 3 or pixels.shape[2] != 3 or 0 in pixels.shape:
             raise ValueError(f"expected a lat-long image of shape (h, w, 3), got {pixels.shape}")
-        return cls._from_pixels(_finite(pixels, repair), "lat-long array")
+        return cls._from_pixels(repaired(pixels, repair), "lat-long array", rows)
 
     @classmethod
-    def from_cubemap(cls, array: ArrayLike, repair: str | None = None) -> Environment:
+    def from_cubemap(cls, array: ArrayLike, repair: str | None = None, *, encoding: str | None = None) -> Environment:
         """Light from the six faces of a cubemap, constant over each texel.
 
         Parameters
@@ -189,6 +276,8 @@ class Environment:
             Linear RGB radiance; faces +X, -X, +Y, -Y, +Z, -Z in OpenGL's orientation.
         repair
             As for `load`.
+        encoding
+            As for `from_latlong`.
 
         Returns
         -------
@@ -198,17 +287,18 @@ class Environment:
         Raises
         ------
         ValueError
-            If the shape or the type is wrong, or pixels are NaN or infinite in float32.
+            If the shape or the type is wrong, whole numbers come without an encoding, or pixels are NaN or infinite in
+            float32.
         """
-        pixels = _floats(array)
+        pixels = floats(array, encoding)
         if pixels.ndim != 4 or pixels.shape != (6, pixels.shape[1], pixels.shape[1], 3) or 0 in pixels.shape:
             raise ValueError(f"expected a cubemap of shape (6, n, n, 3), got {pixels.shape}")
-        return cls._from_pixels(_finite(pixels, repair), "cubemap array")
+        return cls._from_pixels(repaired(pixels, repair), "cubemap array")
 
     @classmethod
-    def _from_pixels(cls, pixels: NDArray[np.float32], name: str) -> Environment:
-        make = EnvironmentMap.from_latlong if pixels.ndim == 3 else EnvironmentMap.from_cubemap
-        return cls._of([(1.0, make(np.ascontiguousarray(pixels)), IDENTITY)], name)
+    def _from_pixels(cls, pixels: NDArray[np.float32], name: str, rows: str = "centre") -> Environment:
+        one_of("rows", rows, ROWS)
+        return cls._of([(1.0, _map(pixels, rows == "edge"), IDENTITY)], name)
 
     def rotated(self, degrees: float, axis: str | ArrayLike = "y") -> Environment:
         """The light turned about an axis by the right-hand rule: L'(d) = L(R⁻¹ d).
@@ -259,7 +349,7 @@ class Environment:
             If t is not finite.
         """
         if not isinstance(other, Environment):
-            raise TypeError(f"expected an Environment to mix with, got {type(other).__name__}")
+            raise instead_of("Environment", other)
         if not math.isfinite(t):
             raise ValueError(f"expected a finite t, got {t}")
         layers = (*self.scaled(1.0 - t)._layers, *other.scaled(t)._layers)
@@ -286,6 +376,30 @@ class Environment:
         if not math.isfinite(factor):
             raise ValueError(f"expected a finite factor, got {factor}")
         return self._of([(weight * factor, light, turn) for weight, light, turn in self._layers], self.name)
+
+    def tinted(self, colour: ArrayLike) -> Environment:
+        """The light times a colour.
+
+        Parameters
+        ----------
+        colour
+            Three finite numbers: factors of red, green and blue.
+
+        Returns
+        -------
+        Environment
+            A new one, with maps of its own.
+
+        Raises
+        ------
+        ValueError
+            If these are not three finite numbers.
+        """
+        tint = real_array("colour", colour, np.float32)
+        if tint.shape != (3,) or not np.isfinite(tint).all():
+            raise ValueError(f"expected a factor or three, for red, green and blue, got {colour!r}")
+        tinted = {id(light): _map(light.pixels()[0] * tint, light.pixels()[1]) for _, light, _ in self._layers}
+        return self._of([(weight, tinted[id(light)], turn) for weight, light, turn in self._layers], self.name)
 
     def cubemap(self, size: int) -> NDArray[np.float32]:
         """Radiance averaged over a cubemap's texels.
@@ -383,37 +497,18 @@ class Environment:
 def _builtin(name: str) -> Environment:
     """One map for all who ask: what is prepared for resampling is then shared as well."""
     if name not in skies.BUILTIN:
-        raise ValueError(f"expected a built-in environment of {', '.join(skies.BUILTIN)}, got {name!r}")
+        read = "; dl.Environment.load(path) reads a file" if kind_of(str(name)) else near(name, skies.BUILTIN)
+        raise ValueError(f"expected a built-in environment of {', '.join(skies.BUILTIN)}, got {name!r}{read}")
     return Environment._from_pixels(skies.BUILTIN[name](), name)
 
 
-def _floats(array: ArrayLike) -> NDArray[np.float32]:
-    """The array as float32; what float32 cannot hold becomes infinite and is reported as such."""
-    pixels = np.asarray(array)
-    if pixels.dtype.kind not in "fiu":
-        raise ValueError(f"expected an array of real numbers, got dtype {pixels.dtype}")
-    with np.errstate(over="ignore"):
-        return pixels.astype(np.float32)
+def _restored(layers: Sequence[tuple[float, tuple[NDArray[np.float32], bool], Matrix]], name: str) -> Environment:
+    """A pickled environment."""
+    maps = {id(pixels): _map(pixels, edge) for _, (pixels, edge), _ in layers}
+    return Environment._of([(weight, maps[id(pixels)], turn) for weight, (pixels, _), turn in layers], name)
 
 
-def _finite(pixels: NDArray[np.float32], repair: str | None, halves: bool = False) -> NDArray[np.float32]:
-    """Refuse or, on request, blacken pixels that are not finite; warn of negative ones, which are kept."""
-    if repair not in (None, "zero"):
-        raise ValueError(f'expected repair=None or "zero", got {repair!r}')
-    bad = np.asarray(~np.isfinite(pixels).all(axis=-1))
-    if bad.any():
-        first = np.argwhere(bad)[0]
-        where = f"row {first[-2]}, column {first[-1]}" + (f" of face {first[0]}" if bad.ndim == 3 else "")
-        what = f"{np.count_nonzero(bad)} pixels are NaN or infinite, the first at {where}"
-        if np.isinf(pixels).any():
-            limit = f"half floats end at {_LARGEST_HALF:g}" if halves else "the file or array may have overflowed"
-            what += f" (infinite ones: {limit})"
-        if repair is None:
-            raise ValueError(f'{what}; repair="zero" makes them black')
-        warnings.warn(f"{what}; they are taken as black", stacklevel=3)
-        pixels = np.where(bad[..., None], np.float32(0), pixels)
-    negative = np.count_nonzero((pixels < 0).any(axis=-1))
-    if negative:
-        what = f"{negative} pixels are negative (ringing of compression or filters?)"
-        warnings.warn(f"{what}; they are kept", stacklevel=3)
-    return pixels
+def _map(pixels: NDArray[np.float32], edge: bool) -> EnvironmentMap:
+    """A map of lat-long pixels or six faces."""
+    pixels = np.ascontiguousarray(pixels)
+    return EnvironmentMap.from_latlong(pixels, edge) if pixels.ndim == 3 else EnvironmentMap.from_cubemap(pixels)

@@ -58,18 +58,49 @@ _VERTICAL = ((1, 2), (1, 0), (0, 1), (2, 1), (3, 1), (1, 1))
 _HORIZONTAL = ((1, 2), (1, 0), (0, 1), (2, 1), (1, 3), (1, 1))
 
 
-def recognise(width: int, height: int, envmap: str | None) -> str:
-    """Name the layout of an image from its proportions and the EXR attribute ``envmap``."""
+def recognise(image: Image, envmap: str | None) -> tuple[Image, str]:
+    """The layout of an image, from the EXR attribute ``envmap`` or its proportions, and the image without padding."""
+    height, width = image.shape[:2]
     if envmap is not None:
-        return envmap
-    proportions = {(2, 1): "latlong", (3, 4): "vertical-cross", (4, 3): "horizontal-cross", (1, 1): "angular"}
+        return image, envmap
+    if width == height:
+        return _padded_cross(image) or (image, "angular")
+    proportions = {(2, 1): "latlong", (3, 4): "vertical-cross", (4, 3): "horizontal-cross"}
     proportions |= {(6, 1): "cube", (1, 6): "cube"}
     for (wide, high), layout in proportions.items():
         if width * high == height * wide:
-            return layout
+            return image, layout
     expected = "2:1 (latlong), 3:4 and 4:3 (crosses), 1:1 (angular), 6:1 and 1:6 (cube)"
     found = f"cannot recognise the layout of a {width}x{height} image"
     raise ValueError(f"{found}: expected {expected}; name it by layout=")
+
+
+def _padded_cross(image: Image) -> tuple[Image, str] | None:
+    """The cross within a square that was padded with one colour, at either end of it or in its middle; else None.
+
+    A probe fills a disc, of which the corners of a cross and its padding would cut off a part.
+    """
+    side = len(image) // 4
+    if side == 0 or len(image) % 4:
+        return None
+    empty = np.asarray((image == image[0, 0]).all(axis=-1))
+    for layout, places in (("horizontal-cross", _HORIZONTAL), ("vertical-cross", _VERTICAL)):
+        for start in (0, side // 2, side):
+            tall = layout == "vertical-cross"
+            rows, columns = (0, start) if tall else (start, 0)
+            outside = np.ones_like(empty)
+            faces = []
+            for row, column in places:
+                at = (
+                    slice(rows + row * side, rows + (row + 1) * side),
+                    slice(columns + column * side, columns + (column + 1) * side),
+                )
+                outside[at] = False
+                faces.append(empty[at].all())
+            if empty[outside].all() and not any(faces):
+                high, wide = (4, 3) if tall else (3, 4)
+                return image[rows : rows + high * side, columns : columns + wide * side], layout
+    return None
 
 
 def convert(image: Image, layout: str, envmap: str | None = None) -> Image:

@@ -172,7 +172,7 @@ def sunrise(frames: int, *, noon: float = 55.0) -> Iterator[Environment]:
     def frame(hour: float) -> Environment:
         x, y, z = np.cos(hour) * np.array([1.0, 0.0, 0.0]) + np.sin(hour) * skies.toward(0.0, np.radians(noon))
         picture = skies.sky(azimuth=float(np.arctan2(x, -z)), elevation=float(np.arcsin(y)), height=192)
-        return Environment.from_latlong(picture)
+        return Environment.from_latlong(picture, rows="centre")
 
     return (frame(hour) for hour in hours)
 

@@ -20,7 +20,7 @@ body { margin: 0 auto; padding: 1.5rem 1.25rem 4rem; max-width: 68rem; backgroun
 h1 { font-size: 1.7rem; line-height: 1.25; margin: 0.5rem 0; }
 h2 { font-size: 1.25rem; margin: 2.8rem 0 0.6rem; padding-top: 0.8rem; border-top: 1px solid var(--line); }
 h3 { font-size: 1.02rem; margin: 1.8rem 0 0.4rem; }
-p { max-width: 46rem; }
+p { max-width: 46rem; overflow-wrap: anywhere; }
 a { color: var(--link); }
 figure { margin: 1rem 0 1.6rem; }
 figure img { display: block; max-width: 100%; height: auto; background: #fff; border: 1px solid var(--line);
@@ -33,10 +33,16 @@ th, td { padding: 0.38rem 0.7rem; text-align: right; white-space: nowrap; }
 th { color: var(--soft); font-weight: 600; border-bottom: 1px solid var(--line); vertical-align: bottom; }
 th:first-child, td:first-child { text-align: left; }
 tr + tr td { border-top: 1px solid var(--line); }
-.words td, .words th { text-align: left; white-space: normal; }
+.words td, .words th { text-align: left; white-space: normal; overflow-wrap: break-word; }
 .holds { color: var(--good); font-weight: 600; } .fails { color: var(--bad); font-weight: 600; }
-td.holds, td.fails { white-space: nowrap; }
+.open { color: var(--soft); font-weight: 600; }
+td.holds, td.fails, td.open { white-space: nowrap; }
 .gallery { display: grid; grid-template-columns: repeat(auto-fill, minmax(11rem, 1fr)); gap: 0.8rem; }
+@media (prefers-color-scheme: dark) { .plot img { filter: invert(0.88) hue-rotate(180deg); } }
+@media (max-width: 30rem) {
+  body { padding: 0.8rem 0.7rem 3rem; font-size: 15px; } h1 { font-size: 1.4rem; }
+  table { font-size: 0.78rem; } th, td { padding: 0.3rem 0.4rem; }
+  td.holds, td.fails, td.open { white-space: normal; } }
 .gallery figure { margin: 0; } nav a { margin-right: 1.1rem; }
 """
 
@@ -67,11 +73,12 @@ class Page:
         )
 
 
-def figure(source: str, caption: str, alt: str, link: str | None = None) -> str:
-    """A picture with a caption; `link` is what a click opens."""
+def figure(source: str, caption: str, alt: str, link: str | None = None, *, plot: bool = False) -> str:
+    """A picture with a caption; `link` is what a click opens. A plot, black on white, is turned over in the dark."""
     image = f'<img src="{escape(source)}" alt="{escape(alt)}" loading="lazy"/>'
     linked = f'<a href="{escape(link)}">{image}</a>' if link else image
-    return f"<figure>{linked}<figcaption>{caption}</figcaption></figure>"
+    kind = ' class="plot"' if plot else ""
+    return f"<figure{kind}>{linked}<figcaption>{caption}</figcaption></figure>"
 
 
 def table(

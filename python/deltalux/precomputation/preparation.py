@@ -14,6 +14,7 @@ from .._core import DirectPass, Emitters, Looked, Receivers
 from ..brdf import Measured, Model
 from ..checks import count
 from ..columns import Columns, Haar, parse
+from ..mistakes import near
 from ..scene.scene import Scene
 from ..surface.material import Lobe, encoded
 from .between import Between, KnownNodes, Nodes, PlacedNodes
@@ -306,7 +307,7 @@ def lobe_colours(model: Lobe | None) -> list[np.ndarray]:
 
 def _settings(quality: str, tolerance: float | None) -> Quality:
     if not isinstance(quality, str) or quality not in QUALITIES:
-        raise ValueError(f"expected a quality of {', '.join(QUALITIES)}, got {quality!r}")
+        raise ValueError(f"expected a quality of {', '.join(QUALITIES)}, got {quality!r}{near(quality, QUALITIES)}")
     chosen = QUALITIES[quality]
     if tolerance is None:
         return chosen

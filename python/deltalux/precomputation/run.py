@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict, replace
 from functools import cached_property
 from pathlib import Path
@@ -14,6 +16,7 @@ import numpy as np
 from .._core import Links, TileData, TransportWriter, __version__
 from .._core import Nodes as CoreNodes
 from ..columns import Columns, parse
+from ..mistakes import checked_path, instead_of
 from ..progress import Progress, Reporter, reporter
 from ..scene.scene import Scene
 from ..transport.entry import TILE_ROWS, TILES_PER_SHARD
@@ -85,6 +88,7 @@ def precompute(
     factors: int | str = "auto",
     refine: float | None = None,
     progress: bool | Progress = True,
+    again: bool = False,
 ) -> Transport:
     """Ray traces the light transport of a scene into a directory, and opens it.
 
@@ -96,7 +100,8 @@ def precompute(
     scene
         Geometry, materials and camera.
     path
-        Directory to make, by custom ``NAME.transport``. A transport that is there is replaced; anything else is not.
+        Directory to make, by custom ``NAME.transport``. A transport that is there is replaced, or opened where it is of
+        this very request; anything else is left alone, with an error.
     receivers
         "pixels": the rows of M are what the pixels of the camera show. "vertices": they are the vertices of the
         mesh, one for each side that lies open, each material, and each way that the surface faces there; any camera can
@@ -134,6 +139,8 @@ def precompute(
         the scene's; `area` is the share of the scene's surface in the triangles there. 0.003 is fine.
     progress
         True: a bar on standard error. A callable: progress(rows done, rows in all).
+    again
+        Whether a transport that is there already, of the same scene, settings and version, is computed anew.
 
     Returns
     -------
@@ -152,10 +159,11 @@ def precompute(
     Rows are T_p = V cos / pi per steradian (Overbeck 2006, eq. 3.2 without the albedo), in the Haar basis that is
     orthonormal on the sphere.
     """
+    checked_path(path, "a scene, and then the path of a transport")
     asked = between(bounces, residual, nodes)
     request = Request(columns, quality, tolerance, receivers, normals, asked, gloss, factors, refine)
     check_folder_of(Path(path))
-    return Precomputation(scene, request).run(path, progress)
+    return Precomputation(scene, request).run(path, progress, again)
 
 
 class Precomputation:
@@ -172,19 +180,55 @@ class Precomputation:
     """
 
     def __init__(self, scene: Scene, request: Request, known: KnownNodes | None = None) -> None:
-        self._prepared = Prepared(scene, request, known)
+        if not isinstance(scene, Scene):
+            raise instead_of("Scene", scene)
+        self._prepared, self._known = Prepared(scene, request, known), known is not None
 
     @cached_property
     def plan(self) -> Plan:
         """What will be computed: see `plan`."""
         return make_plan(self._prepared)
 
-    def run(self, path: str | os.PathLike[str], progress: bool | Progress = True) -> Transport:
+    @cached_property
+    def _job(self) -> str:
+        """All that decides what is computed, as text."""
+        job = {
+            "scene": self._prepared.scene.content_hash(),
+            "columns": str(self._prepared.columns),
+            "version": __version__,
+            **asdict(self._prepared.settings),
+            **self._prepared.asked,
+        }
+        return json.dumps(job, sort_keys=True)
+
+    @property
+    def _digest(self) -> str:
+        # Nodes of another transport are no part of the job's text: what they make is not the same.
+        return "" if self._known else hashlib.blake2b(self._job.encode(), digest_size=16).hexdigest()
+
+    def made(self, path: str | os.PathLike[str]) -> Transport | None:
+        """The transport at a path, where it is of this very request, by this version.
+
+        Parameters
+        ----------
+        path
+            As for `precompute`.
+
+        Returns
+        -------
+        Transport or None
+        """
+        with suppress(ValueError, OSError):
+            transport = Transport.open(path)
+            return transport if self._digest and transport.plan.job == self._digest else None
+        return None
+
+    def run(self, path: str | os.PathLike[str], progress: bool | Progress = True, again: bool = False) -> Transport:
         """Computes every part of the plan, and opens the result.
 
         Parameters
         ----------
-        path, progress
+        path, progress, again
             As for `precompute`.
 
         Returns
@@ -196,20 +240,14 @@ class Precomputation:
         ValueError, OSError
             As `precompute`.
         """
-        scene, settings = self._prepared.scene, self._prepared.settings
+        if not again and (found := self.made(path)) is not None:
+            return found
         check_room(self.plan, Path(path))
-        job = {
-            "scene": scene.content_hash(),
-            "columns": str(self._prepared.columns),
-            "version": __version__,
-            **asdict(settings),
-            **self._prepared.asked,
-        }
-        writer = TransportWriter(path, json.dumps(job, sort_keys=True))
-        run = _Run(self._prepared, writer, reporter(progress, scene.name, self.plan.seconds))
+        writer = TransportWriter(path, self._job)
+        run = _Run(self._prepared, writer, reporter(progress, self._prepared.scene.name, self.plan.seconds))
         for part in self.plan.parts:
             _PASSES[part.make](run, part)
-        run.finish(self.plan)
+        run.finish(replace(self.plan, job=self._digest))
         transport = Transport.open(path)
         run.tell.say(run.summary())
         return transport

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from .._core import threads as used_threads
 from ..light.environment import Environment
 from ..light.motion import Motion
+from ..mistakes import instead_of
 from ..progress import Progress, reporter
 from ..transport.transport import Transport
 from ..update.methods import Method
@@ -95,9 +96,11 @@ def compare(
     ValueError
         If there is nothing to compare, or an argument cannot be used.
     """
+    if not isinstance(transport, Transport):
+        raise instead_of("Transport", transport)
     if not isinstance(env, Environment):
-        raise ValueError(f"expected an Environment, got {type(env).__name__}")
-    if isinstance(methods, Method) or not methods:
+        raise instead_of("Environment", env)
+    if isinstance(methods, (str, Method)) or not methods:
         raise ValueError("expected a list of at least one update method such as [PerBand(terms=30)]")
     motion = motion or Motion()
     rows = [EXACT, *own(methods)]

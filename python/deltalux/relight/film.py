@@ -23,6 +23,7 @@ from ..transport.transport import Transport
 from ..update.methods import Method
 from .backdrop import Backdrop
 from .relighter import Relighter
+from .video import Reel
 
 __all__ = ["FORMATS", "Film", "Relit", "check_frames", "relight_frames"]
 
@@ -57,12 +58,21 @@ class Relit:
     frames: int
     exposure: float
     median_ms: float
+    budget_ms: float | None = None
+    within: int = 0
 
     def __str__(self) -> str:
         return (
             f"{self.folder} holds {self.frames} frames and {_TABLE}; exposure {self.exposure:+.2f} stops, "
-            f"median {self.median_ms:.2f} ms a frame"
+            f"median {self.median_ms:.2f} ms a frame{self._met}"
         )
+
+    @property
+    def _met(self) -> str:
+        """Of a budget in time: how many frames kept it. The first is a whole product, and is not counted."""
+        if self.budget_ms is None:
+            return ""
+        return f", {self.within} of {self.frames - 1} within {self.budget_ms:g} ms after the first"
 
 
 def _names(frames: int, kind: str) -> list[str]:
@@ -88,6 +98,8 @@ def relight_frames(
     kind: str = "png",
     half: bool = False,
     background: str = "env",
+    tone: str = "srgb",
+    reel: Reel | None = None,
     progress: bool | Progress = True,
 ) -> Relit:
     """Relights every frame of a moving light and writes it.
@@ -95,13 +107,18 @@ def relight_frames(
     Parameters
     ----------
     exposure
-        Stops for the PNGs, the same in all; None: from the exact picture under the film's key light.
+        Stops for the PNGs, the same in all; None: from the exact picture under the film's key light, with what is seen
+        behind the scene.
     kind
         A key of `FORMATS`: PNG for a display, EXR in linear radiance, or both.
     half
         Half floats in the EXRs.
     background
         What is shown where no surface is: "env", "none" (black), or a colour, "#rrggbb".
+    tone
+        The curve of the PNGs, as for `to_display`.
+    reel
+        Takes every frame as it is shown.
 
     Raises
     ------
@@ -111,9 +128,9 @@ def relight_frames(
     relighter, backdrop = Relighter(transport, method), Backdrop(transport, background)
     path = claim(folder, _names(film.frames, kind))
     if exposure is None:
-        exposure = auto_exposure(transport.image(transport.multiply(transport.coefficients(film.key))))
+        exposure = auto_exposure(transport.image(transport.multiply(transport.coefficients(film.key)), film.key))
     tell, seconds, table = reporter(progress, "relight"), [], Table(path / _TABLE)
-    with _Encoder(exposure, half) as encoder:
+    with _Encoder(exposure, half, tone) as encoder:
         for k, env in enumerate(film.lights):
             frame = relighter.step(env)
             picture = frame.image if background == "env" else backdrop.picture(frame.values, env, exposure)
@@ -122,7 +139,7 @@ def relight_frames(
                 "deltalux:environment": env.name,
                 "deltalux:method": repr(method),
                 "deltalux:frame": k,
-                "deltalux:bound": frame.bound,
+                "deltalux:bound": float(frame.bound),
             }
             angle = film.angle(k)
             if angle is not None:
@@ -133,17 +150,21 @@ def relight_frames(
                 "seconds": f"{frame.seconds:.6g}",
                 "choosing": f"{frame.choosing:.6g}",
                 "multiplying": f"{frame.multiplying:.6g}",
-                "bound": frame.bound,
+                "bound": float(frame.bound),
                 "columns": len(frame.columns),
                 "resets": " ".join(map(str, frame.resets)),
                 "converged": frame.converged,
             }
             seconds.append(frame.seconds)
+            if reel is not None:
+                reel(to_display(picture, exposure, tone))
             files = [path / f"{_stem(k)}{suffix}" for suffix in FORMATS[kind]]
             # Row by row, so that an interrupted run leaves a table of the frames that are there.
             encoder.save(files, picture, about, partial(_saved, table, row, tell, k + 1, film.frames))
     median = sorted(seconds)[len(seconds) // 2]
-    return Relit(str(folder), len(seconds), exposure, 1e3 * median)
+    budget = method.milliseconds
+    within = sum(1e3 * own <= budget for own in seconds[1:]) if budget is not None else 0
+    return Relit(str(folder), len(seconds), exposure, 1e3 * median, budget, within)
 
 
 def _saved(table: Table, row: dict[str, Any], tell: Progress, done: int, total: int) -> None:
@@ -154,8 +175,8 @@ def _saved(table: Table, row: dict[str, Any], tell: Progress, done: int, total: 
 class _Encoder:
     """Writes pictures on threads of its own, while the next frames are multiplied; a few may wait."""
 
-    def __init__(self, exposure: float, half: bool) -> None:
-        self._exposure, self._half = exposure, half
+    def __init__(self, exposure: float, half: bool, tone: str) -> None:
+        self._exposure, self._half, self._tone = exposure, half, tone
         # As many as multiply: compressing a picture costs more than a frame of few terms.
         self._writers = ThreadPoolExecutor(threads(), "deltalux-encoder")
         self._waiting: deque[tuple[Future[None], Callable[[], None]]] = deque()
@@ -178,7 +199,7 @@ class _Encoder:
 
     def _write(self, files: list[Path], picture: NDArray[np.float32], about: dict[str, Any]) -> None:
         for file in files:
-            shown = to_display(picture, self._exposure) if file.suffix == ".png" else picture
+            shown = to_display(picture, self._exposure, self._tone) if file.suffix == ".png" else picture
             save_image(file, shown, about, half=self._half)
 
     def __exit__(self, kind: object, error: object, trace: object) -> None:

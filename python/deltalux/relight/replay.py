@@ -138,7 +138,7 @@ class _Reference:
             image_l1=image_l1,
             image_l2=image_l2,
             image_worst=image_worst,
-            bound=frame.bound,
+            bound=float(frame.bound),
             within_bound=bool(np.abs(frame.values - self.values).max(initial=0.0) <= frame.bound),
             columns=len(frame.columns),
             streamed_bytes=int(self.transport.column_bytes[frame.columns].sum()),

@@ -49,11 +49,11 @@ class Gallery:
         if method not in self.methods and method not in self.moving:
             return
         surfaces = self._transport.image(values)
-        if self.exposure is None:
-            self.exposure = auto_exposure(surfaces)
         if self._behind[0] != frame:
             self._behind = frame, self._transport.image(np.zeros_like(values), light)
         picture = surfaces + self._behind[1]
+        if self.exposure is None:
+            self.exposure = auto_exposure(picture)
         if method in self._small:
             self._small[method].append(self._display(_cell(picture)))
         if frame in self._moments and method in self.methods:

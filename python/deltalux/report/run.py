@@ -7,7 +7,7 @@ verdicts come from it. `report` is the only function that a script needs.
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from numpy.typing import ArrayLike
@@ -16,7 +16,7 @@ from ..light.environment import Environment
 from ..light.motion import Motion, ease
 from ..output import check_folder, claim, slug
 from ..pages.machine import require_release
-from ..progress import Progress, reporter
+from ..progress import Progress, Reporter, steps
 from ..relight.entrants import BI_30, EXACT, NWA_30, NWA_100, PBI_30, Entrant, nwa, own, pbi
 from ..relight.relighter import Relighter
 from ..relight.replay import Replay, hold_still, replay, time_frames
@@ -44,6 +44,8 @@ STRIP = (EXACT.name, NWA_30.name, NWA_100.name, BI_30.name, PBI_30.name)
 MOVING = (EXACT.name, NWA_30.name, BI_30.name, PBI_30.name)
 SAVED = (EXACT.name, PBI_30.name)
 THREADS = (1, 2)
+# One does not move.
+FEWEST_FRAMES = 2
 
 
 def _frame_names(slug: str, motion: Motion) -> dict[tuple[str, int], str]:
@@ -86,6 +88,8 @@ def check_report(env: Environment | Sequence[Environment], folder: str | os.Path
         As `report`.
     """
     require_release()
+    if motion.frames < FEWEST_FRAMES:
+        raise ValueError(f"expected light that moves for {FEWEST_FRAMES} frames or more, got {motion.frames}")
     check_folder(folder, _file_names(_environments(env), motion))
 
 
@@ -143,11 +147,13 @@ def report(
     rows = (*METHODS, *own(methods))
     path = claim(folder, _file_names(envs, motion))
     chapters = []
+    # Errors, run times on some numbers of threads, and pictures, of each light.
+    step_of = steps(progress, "report", len(envs) * (2 + len(THREADS)))
     for k, light in enumerate(envs):
         prefix = slug(light.name, k)
-        result, gallery = _measure(transport, light, motion, rows, progress)
+        result, gallery = _measure(transport, light, motion, rows, step_of)
         errors = {(name, frame): result.records[name][frame].image_l2 for name in STRIP for frame, _ in motion.moments}
-        step = reporter(progress, f"{light.name}: pictures")
+        step = step_of(f"{light.name}: pictures")
         step(0, 3)
         gallery.save_strip(path / f"{prefix}-strip.png", errors)
         step(1, 3)
@@ -161,14 +167,14 @@ def report(
 
 
 def _measure(
-    transport: Transport, env: Environment, motion: Motion, rows: Sequence[Entrant], progress: bool | Progress
+    transport: Transport, env: Environment, motion: Motion, rows: Sequence[Entrant], step_of: Callable[[str], Reporter]
 ) -> tuple[Replay, Gallery]:
     """Errors and pictures first; then run times, with nothing beside them, on one thread and on two."""
     gallery = Gallery(transport, motion, STRIP, MOVING)
-    result = replay(transport, env, motion, rows, show=gallery.show, progress=reporter(progress, f"{env.name}: errors"))
+    result = replay(transport, env, motion, rows, show=gallery.show, progress=step_of(f"{env.name}: errors"))
     followers: dict[str, Relighter] = {}
     for threads in THREADS:
-        tell = reporter(progress, f"{env.name}: times, {threads} thread{'s' * (threads > 1)}")
+        tell = step_of(f"{env.name}: times, {threads} thread{'s' * (threads > 1)}")
         result.seconds[threads], followers = time_frames(transport, env, motion, rows, threads=threads, progress=tell)
     result.still = hold_still(transport, env, motion, PBI_30, followers[PBI_30.name], result.records[PBI_30.name])
     return result, gallery

@@ -11,7 +11,7 @@ from ..output import write_csv
 from ..pages.machine import machine
 from ..pages.page import Page, figure, table
 from ..pages.plotting import drawing
-from ..pages.verdict import Verdict
+from ..pages.verdict import MARKS, Verdict, summed
 
 __all__ = ["Sheet"]
 
@@ -58,7 +58,9 @@ class Sheet:
         path = self._path(kind)
         with drawing(path, rows, columns, size, **options) as drawn:
             yield drawn
-        self._page.add(figure(path.name, caption, f"{caption.partition('.')[0]}: {self._title}", path.name))
+        alone = not any(axis.images for axis in drawn[0].axes)
+        alt = f"{caption.partition('.')[0]}: {self._title}"
+        self._page.add(figure(path.name, caption, alt, path.name, plot=alone))
 
     def csv(self, kind: str, rows: Sequence[Mapping[str, Any]]) -> None:
         """All figures, as a file with a link."""
@@ -77,12 +79,10 @@ class Sheet:
         """Writes the page, after all that it shows."""
         page = self._page
         page.heading("What the papers claim, and what was found", anchor="claims")
-        rows = [
-            (title, found.claim, found.figures, "holds" if found.holds else "does not hold", found.why)
-            for title, found in self._claims
-        ]
+        page.text(summed(found for _, found in self._claims))
+        rows = [(title, found.claim, found.figures, found.word, found.why) for title, found in self._claims]
         headings = ("Under", "The claim", "Our figure", "Here it", "In plain words")
-        page.add(table(headings, rows, words=True, marks={"holds": "holds", "does not hold": "fails"}))
+        page.add(table(headings, rows, words=True, marks=MARKS))
         page.heading("Machine and run", anchor="how")
         page.add(table(("Machine and run", ""), list(machine().items()), words=True))
         path = self._folder / PAGE

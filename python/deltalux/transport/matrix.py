@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._core import Transport as CoreTransport
 from ..columns.inner import AnyColumns, parse_any
+from ..mistakes import described
 
 if TYPE_CHECKING:
     import scipy.sparse
@@ -93,10 +94,16 @@ class Matrix:
 
         Raises
         ------
+        TypeError
+            If an argument is something else.
         ValueError
             If the shape is wrong or a coefficient is not finite.
         """
-        array = np.ascontiguousarray(V, np.float64)
+        try:
+            array = np.ascontiguousarray(V, np.float64)
+        except (TypeError, ValueError):
+            what = f"expected V, an array of shape ({self.shape[1]}, 3), got {described(V)}"
+            raise TypeError(f"{what}; transport.coefficients(env) makes one of a light") from None
         single = array.ndim == 2
         batch = array[None] if single else array
         if batch.ndim != 3 or batch.shape[1:] != (self.shape[1], 3):

@@ -179,6 +179,8 @@ class Plan:
         The same if all of the light went through the wavelets; empty where it does.
     solve
         How light between surfaces was solved; None where there is none, or not yet.
+    job
+        What tells one request from another, scene and settings; "" where it is not known, as in files before 0.7.
     """
 
     scene: str
@@ -192,6 +194,7 @@ class Plan:
     errors: dict[str, float] = field(default_factory=dict)
     without: dict[str, float] = field(default_factory=dict)
     solve: Solve | None = None
+    job: str = ""
 
     @property
     def rows(self) -> int:
@@ -341,6 +344,7 @@ def _read(found: Mapping[str, Any]) -> Plan:
         errors=_measured("errors", found.get("errors", {})),
         without=_measured("without", found.get("without", {})),
         solve=_solved(found.get("solve")),
+        job=_checked("job", found.get("job", ""), _TEXT),
     )
 
 

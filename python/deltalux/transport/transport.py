@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,8 +20,10 @@ from .._core import Behind, FileError
 from .._core import Transport as CoreTransport
 from ..camera import Camera
 from ..columns.haar import Haar
+from ..mistakes import checked_path, described, instead_of, refuse_kind, refuse_missing
 from ..progress import Progress
 from ..surface.surface import Surface
+from .aov import aov
 from .clusters import build, colours_of
 from .entry import GROUP
 from .makers import made
@@ -40,13 +46,33 @@ _STOPS = 64
 class Transport(Matrix):
     """The light transport matrix M of a still scene: B = M V.
 
-    Made by `precompute` and opened by `Transport.open`. Nothing in it changes: any number of relighters share one.
+    Made by `precompute` and opened by its path. Nothing in it changes: any number of relighters share one. A copy is
+    the transport itself, and what is pickled is the path and what stood there: a worker opens it again, and refuses
+    another.
 
     Parameters
     ----------
-    core
-        The transport of the core; `Transport.open` and `precompute` bring it.
+    path
+        The directory that `precompute` made, as for `open`; or a transport of the core.
+
+    Raises
+    ------
+    TypeError
+        If it is no path.
+    FileError, OSError
+        As for `open`.
     """
+
+    def __init__(self, path: str | os.PathLike[str] | CoreTransport) -> None:
+        if isinstance(path, CoreTransport):
+            self._path = None
+            super().__init__(path)
+        else:
+            checked_path(path, "the path of a transport")
+            refuse_missing(path)
+            refuse_kind(path, "a transport")
+            super().__init__(CoreTransport.open(path))
+            self._path = Path(path).absolute()
 
     @staticmethod
     def open(path: str | os.PathLike[str]) -> Transport:
@@ -68,7 +94,18 @@ class Transport(Matrix):
         OSError
             If a file cannot be read.
         """
-        return Transport(CoreTransport.open(path))
+        return Transport(path)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        if self._path is None:
+            raise TypeError("expected a transport in a file to pickle, but this one is in memory only")
+        return _reopened, (str(self._path), _content(self._path))
+
+    def __copy__(self) -> Transport:
+        return self
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Transport:
+        return self
 
     @property
     def factors(self) -> int:
@@ -175,6 +212,8 @@ class Transport(Matrix):
         ValueError
             If peaks are asked of columns without texels, or their number is negative.
         """
+        if not hasattr(env, "_haar"):
+            raise instead_of("Environment", env)
         columns = self.columns
         if isinstance(columns, Haar):
             return columns.coefficients(env, peaks)
@@ -182,26 +221,39 @@ class Transport(Matrix):
             raise ValueError(f"expected columns with texels to send peaks through, got {columns}")
         return columns.coefficients(env)
 
-    def image(self, B: ArrayLike, env: Environment | None = None) -> NDArray[np.float32]:
+    def image(self, B: ArrayLike, env: Environment | Sequence[Environment | None] | None = None) -> NDArray[np.float32]:
         """The picture of a response: albedos in, receivers resolved into the pixels of the transport's camera.
 
         Parameters
         ----------
         B
-            (rows, 3): a product.
+            (rows, 3): a product; or (k, rows, 3), several.
         env
-            What lies behind the scene; None: black.
+            What lies behind the scene; None: black. Of several products one for all, or one for each.
 
         Returns
         -------
         (height, width, 3) float32
-            Linear radiance, row 0 at the top.
+            Linear radiance, row 0 at the top; (k, height, width, 3) of several.
 
         Raises
         ------
+        TypeError
+            If an argument is something else.
         ValueError
             If the shape is wrong, the rows are neither pixels nor vertices, or the file names no camera.
         """
+        if hasattr(B, "_behind"):
+            raise TypeError("expected a product B, of rows and colours, before the environment behind it")
+        if np.ndim(B) == 3:
+            several, envs = np.asarray(B), env if isinstance(env, Sequence) else (env,) * len(np.asarray(B))
+            if len(envs) != len(several):
+                raise ValueError(f"expected an environment for each of {len(several)} products, got {len(envs)}")
+            return np.stack([self.image(one, behind) for one, behind in zip(several, envs, strict=True)])
+        if not (env is None or hasattr(env, "_behind") or isinstance(env, (list, tuple))):
+            raise instead_of("Environment", env)
+        if isinstance(env, Sequence):
+            raise ValueError(f"expected one environment behind one product, got {len(env)}")
         if self.receivers.kind == "vertices":
             return self.render(self.camera, B, env)
         values = self._response(B)
@@ -214,7 +266,10 @@ class Transport(Matrix):
 
     def _response(self, B: ArrayLike) -> NDArray[np.float32]:
         """B with the light that does not move."""
-        values = np.ascontiguousarray(B, np.float32)
+        try:
+            values = np.ascontiguousarray(B, np.float32)
+        except (TypeError, ValueError):
+            raise TypeError(f"expected B, an array of shape ({self.shape[0]}, 3), got {described(B)}") from None
         if values.shape != (self.shape[0], 3):
             raise ValueError(f"expected B of shape ({self.shape[0]}, 3), got {values.shape}")
         return values if self.emitted is None else values + self.emitted
@@ -382,12 +437,41 @@ class Transport(Matrix):
 
         Raises
         ------
+        TypeError
+            If an argument is something else.
         ValueError
             If the rows are no pixels, the file keeps no scene, or the result would not fit.
         OSError
             If the disk refuses.
         """
+        if not isinstance(camera, Camera):
+            raise TypeError(f"expected a dl.Camera, and then a path, got {described(camera)}")
+        checked_path(path)
         return made("for_camera")(self, camera, path, progress)
+
+    def aov(self, name: str) -> NDArray[np.float32] | NDArray[np.int32]:
+        """What the pixels show besides light.
+
+        Parameters
+        ----------
+        name
+            ``"albedo"``, as it is seen, mixed at edges; ``"normal"``, towards the camera; ``"depth"``, the distance
+            from the eye; ``"position"``; ``"material"``, its number; ``"mask"``, the share of a pixel that shows a
+            surface.
+
+        Returns
+        -------
+        (height, width, 3) or (height, width) float32, or int32
+            Row 0 at the top, in the world's axes and units. But for albedo and mask, of the surface that fills most of
+            a pixel; where there is none, a normal of 0, a depth of infinity, a position of NaN, and material -1.
+
+        Raises
+        ------
+        ValueError
+            If there is no such layer, or the rows are not pixels.
+        """
+        camera = self.camera if name == "depth" else None
+        return aov(self.pixels, camera, name)
 
     @property
     def albedo(self) -> NDArray[np.float32]:
@@ -428,9 +512,10 @@ class Transport(Matrix):
         OSError
             If the disk refuses.
         """
+        checked_path(path)
         threshold, _, _ = self._core.threshold_for(tolerance)
         # What was measured of this transport does not hold of that one.
-        plan = replace(self.plan, errors={}, without={}, tolerance=tolerance)
+        plan = replace(self.plan, errors={}, without={}, tolerance=tolerance, job="")
         self._core.truncate_to(path, threshold, plan=plan.to_json())
         return Transport.open(path)
 
@@ -548,3 +633,27 @@ class Transport(Matrix):
     def __repr__(self) -> str:
         rows, columns = self.shape
         return f"<Transport {rows:,} x {columns:,} ({self.columns}), {self.nbytes / 1e6:.1f} MB>"
+
+    def _repr_html_(self) -> str:
+        rows, columns = self.shape
+        facts = {
+            "receivers": f"{rows:,}",
+            "light": f"{columns:,} columns, {self.columns}",
+            "size": f"{self.nbytes / 1e6:.1f} MB",
+            "file": "in memory" if self._path is None else self._path,
+        }
+        cells = "".join(f"<tr><th>{name}</th><td>{escape(str(fact))}</td></tr>" for name, fact in facts.items())
+        return f"<table><caption>Transport</caption>{cells}</table>"
+
+
+def _content(path: Path) -> str:
+    """What tells one transport from another: its manifest, which knows the checksums of all other files."""
+    return hashlib.blake2b((path / _MANIFEST).read_bytes(), digest_size=16).hexdigest()
+
+
+def _reopened(path: str, content: str) -> Transport:
+    """A pickled transport, where it still is what was pickled."""
+    transport = Transport(path)
+    if _content(Path(path)) != content:
+        raise FileError(f"{path}: expected the transport that was pickled, found another one")
+    return transport

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, fields
 
 from .._core import Method as CoreMethod
 from ..checks import amount, count, one_of
+from ..mistakes import suggests_keywords
 from .choice import Choice, State
 
 __all__ = ["Full", "HarmonicOrder", "Incremental", "Linear", "Method", "Nonlinear", "PerBand"]
@@ -133,6 +134,7 @@ class Full(Method):
         return CoreMethod.full()
 
 
+@suggests_keywords
 @dataclass(frozen=True, repr=False)
 class Nonlinear(Method):
     """NWA, non-linear wavelet approximation: the largest terms of the light, from black, in every frame.
@@ -152,6 +154,7 @@ class Nonlinear(Method):
         return CoreMethod.nonlinear()
 
 
+@suggests_keywords
 @dataclass(frozen=True, repr=False)
 class Linear(Method):
     """Linear approximation: the first columns of the light and no others, from black, in every frame.
@@ -173,6 +176,7 @@ class Linear(Method):
         return CoreMethod.linear()
 
 
+@suggests_keywords
 @dataclass(frozen=True, repr=False)
 class Incremental(Method):
     """BI, basic incremental updates: the largest changes of the light.
@@ -192,6 +196,7 @@ class Incremental(Method):
         return CoreMethod.incremental()
 
 
+@suggests_keywords
 @dataclass(frozen=True, repr=False)
 class PerBand(Method):
     """PBI, per-band incremental updates: each band is either changed or started anew (Fig. 6.1).
@@ -239,6 +244,7 @@ class PerBand(Method):
         return CoreMethod.per_band(test=self.test, norm=self.norm, fixed=self.fixed)
 
 
+@suggests_keywords
 @dataclass(frozen=True, repr=False)
 class HarmonicOrder(Method):
     """PBI for spherical harmonics: low bands first, each to a tolerance, a tenth of it in each later pass.

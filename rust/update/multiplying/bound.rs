@@ -51,6 +51,13 @@ impl Measured {
 }
 
 impl Measured {
+    /// And the same as if all of V had been applied: what truncation alone takes.
+    pub fn and_settled(self) -> [Measured; 2] {
+        let (remaining, light) = (vec![[0.0; 3]; self.remaining.len()], self.light.clone());
+        let settled = Measured { remaining, light, applied: self.applied };
+        [self, settled]
+    }
+
     /// V itself may be off by so much: so then may be what remains of it.
     pub fn add(&mut self, unsure: &BandNorms) {
         for norms in [&mut self.remaining, &mut self.light] {

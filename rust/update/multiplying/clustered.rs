@@ -67,6 +67,11 @@ impl Clustered {
         Clustered { clusters, norms: norms.clone(), starts, taken, profiles }
     }
 
+    /// How many there are.
+    pub fn clusters(&self) -> usize {
+        self.clusters
+    }
+
     /// For each cluster the norm of P - P~ in each colour: `light` is P, `applied` P~.
     pub fn unsent(&self, light: &[[f64; 3]], applied: &[[f64; 3]]) -> Vec<[f64; 3]> {
         let square = |light: &[f64; 3], applied: &[f64; 3]| std::array::from_fn(|c| (light[c] - applied[c]).powi(2));

@@ -148,7 +148,7 @@ def _claims(case: Case, histograms: dict[str, NDArray[np.int64]]) -> list[Verdic
     per_band = {name: _list(30 * share[name]) for name in (NWA_30.name, _ROOT_AREA.name, _UNWEIGHTED.name)}
     return [
         Verdict(
-            f"{NWA_30} chooses nothing finer than wavelets over 256 texels: a map of 6 x 8 x 8 (C5, area weights).",
+            f"{NWA_30} chooses nothing finer than wavelets over 256 texels: a map of 6 x 8 x 8 (area weights).",
             bool(own[3:].sum() <= 0.01),
             f"terms a frame per band: {per_band['NWA-30']}",
             "So it is with weight area x orthonormal coefficient, the reading that reproduces the papers."
@@ -156,20 +156,20 @@ def _claims(case: Case, histograms: dict[str, NDArray[np.int64]]) -> list[Verdic
             else "Lights of a few texels are bright enough here to bring finer wavelets in even by area.",
         ),
         Verdict(
-            "Under the root of the area, or none, the same method reaches fine bands (T6, X1).",
+            "Under the root of the area, or none, the same method reaches fine bands.",
             bool(share[_UNWEIGHTED.name][3:].sum() > share[_ROOT_AREA.name][3:].sum() >= own[3:].sum()),
             f"root-area {per_band['NWA-30 root-area']}; none {per_band['NWA-30 none']}",
             "The weight decides what is chosen; each flatters its own measure of error.",
         ),
         Verdict(
-            "BI spreads its terms over finer levels than NWA (C5).",
+            "BI spreads its terms over finer levels than NWA.",
             bool(bi[fine:].sum() > 2 * own[fine:].sum() and bi[fine:].sum() > 0.05),
             f"terms in the {len(bi) - fine} finest bands: BI {100 * bi[fine:].sum():.1f} %, "
             f"NWA {100 * own[fine:].sum():.1f} %",
             "What is already right need not be sent again, so that terms are left for detail.",
         ),
         Verdict(
-            "Once the light stands still, only fine bands are worked on (C5).",
+            "Once the light stands still, only fine bands are worked on.",
             bool(min(late.values()) >= 0.9),
             f"terms in the {len(bi) - fine} finest bands in the last {_WINDOW} frames: "
             + ", ".join(f"{name} {100 * value:.0f} %" for name, value in late.items()),

@@ -60,7 +60,7 @@ def temporal_haar(frames: NDArray[np.float64]) -> list[NDArray[np.float64]]:
 
 
 def spatio_temporal(columns: Haar, frames: list[Light]) -> Coherence:
-    """Energies of all pairs of a spatial and a temporal band; the temporal mean counts with the coarsest (X22)."""
+    """Energies of all pairs of a spatial and a temporal band; the temporal mean counts with the coarsest."""
     starts = band_starts(columns)
     *details, mean = temporal_haar(np.stack(frames))
     energy = [np.add.reduceat(np.square(detail).sum(axis=(0, 2)), starts) for detail in details]
@@ -117,7 +117,7 @@ def _claims(found: Coherence) -> list[Verdict]:
     falls = bool(np.all(np.diff(found.frames) <= 0))
     return [
         Verdict(
-            "Energy lies along a diagonal: coarse wavelets live long, fine ones briefly (C6).",
+            "Energy lies along a diagonal: coarse wavelets live long, fine ones briefly.",
             falls and found.diagonal > 0.3,
             f"correlation of log sizes {found.diagonal:.2f}; mean life per band, coarse to fine: "
             f"{', '.join(f'{life:.0f}' for life in lives)} frames",
@@ -127,7 +127,7 @@ def _claims(found: Coherence) -> list[Verdict]:
             "fine ones.",
         ),
         Verdict(
-            "The coarsest spatial band lies almost wholly in the temporal size of 128 frames (C6).",
+            "The coarsest spatial band lies almost wholly in the temporal size of 128 frames.",
             bool(found.shares[0, 0] >= 0.95),
             f"{100 * found.shares[0, 0]:.1f} % of its energy",
             "It holds the mean of each face, which a rotation moves slowly."

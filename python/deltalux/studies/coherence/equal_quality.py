@@ -186,9 +186,9 @@ def _table(worth: dict[str, NDArray[np.float64]], errors: dict[str, NDArray[np.f
 
 def _claims(found: dict[str, tuple[Curve, Curve]]) -> list[Verdict]:
     claims = (
-        (f"While the light turns, {PBI_30} is worth about 100 terms of NWA (E1).", 0, PBI_30.name, 100),
-        (f"While the light turns, {PBI_100} is worth about 300 terms of NWA (E1).", 0, PBI_100.name, 300),
-        (f"Five frames after the stop, {PBI_30} is worth about 300 terms of NWA (E1).", 1, PBI_30.name, 300),
+        (f"While the light turns, {PBI_30} is worth about 100 terms of NWA.", 0, PBI_30.name, 100),
+        (f"While the light turns, {PBI_100} is worth about 300 terms of NWA.", 0, PBI_100.name, 300),
+        (f"Five frames after the stop, {PBI_30} is worth about 300 terms of NWA.", 1, PBI_30.name, 300),
     )
     return [_claim(found, *each) for each in claims]
 

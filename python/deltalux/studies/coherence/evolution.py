@@ -192,7 +192,7 @@ def _claims(light: Series, image: Series, moments: dict[int, str]) -> list[Verdi
     nwa, bi, pbi = (100 * light[name][last][0] for name in (NWA_30.name, BI_30.name, PBI_30.name))
     verdicts.append(
         Verdict(
-            "Long after the stop BI and PBI show the exact light, and NWA never does (C1).",
+            "Long after the stop BI and PBI show the exact light, and NWA never does.",
             bool(max(bi, pbi) < 0.01 * nwa),
             f"error of the light in frame {last}: NWA {nwa:.3g} %, BI {bi:.3g} %, PBI {pbi:.3g} %",
             "What is sent stays: every still frame adds thirty terms.",

@@ -138,7 +138,7 @@ def _never_below_nwa_60(errors: Errors, turning: slice) -> Verdict:
     better = float(np.mean(errors[PBI_30.name][turning] <= errors[NWA_60.name][turning]))
     holds = better >= 0.95
     return Verdict(
-        f"{PBI_30} is essentially always at least as good as {NWA_60} (D7).",
+        f"{PBI_30} is essentially always at least as good as {NWA_60}.",
         holds,
         f"in {100 * better:.0f} % of the turning frames",
         ""
@@ -153,7 +153,7 @@ def _as_nwa_100(mean: dict[str, float], means: dict[float, dict[str, float]]) ->
     until = [degrees for degrees, each in means.items() if each[PBI_30.name] <= 1.1 * each[NWA_100.name]]
     why = f"It holds at {', '.join(f'{d:g}' for d in until)} degrees in these frames." if until else "At no speed here."
     return Verdict(
-        f"While the light turns, {PBI_30} is about as good as {NWA_100}: three times the terms (D7).",
+        f"While the light turns, {PBI_30} is about as good as {NWA_100}: three times the terms.",
         holds,
         f"mean {mean[PBI_30.name]:.3g} % against {mean[NWA_100.name]:.3g} %",
         f"{why} The gain is coherence from frame to frame: it shrinks with speed.",
@@ -166,8 +166,8 @@ def _below_nwa_500(errors: Errors, motion: Motion) -> Verdict:
     below = np.flatnonzero(pbi < nwa)
     when = f"below it {below[0]} frames after the stop" if below.size else f"not below it in {len(pbi) - 1} frames"
     return Verdict(
-        f"25 frames after the stop not even {NWA_500} equals {PBI_30} (D7).",
-        bool(pbi[-1] < nwa[-1]),
+        f"25 frames after the stop not even {NWA_500} equals {PBI_30}.",
+        bool(pbi[-1] < nwa[-1]) if last - motion.stop == _AFTER else None,
         f"{PBI_30} {100 * pbi[-1]:.3g} %, {NWA_500} {100 * nwa[-1]:.3g} %; {when}",
         "NWA stays where its terms end; PBI goes on with what is left.",
     )
@@ -187,7 +187,7 @@ def _bi_beats_nwa(found: dict[float, Errors], turning: slice) -> Verdict:
         else "At the speeds tried, what BI keeps is worth more than what it has misplaced."
     )
     return Verdict(
-        "BI is always better than NWA with the same terms, in numbers (D7).",
+        "BI is always better than NWA with the same terms, in numbers.",
         not fails,
         f"frames in which {BI_30} is no worse than {NWA_30}: {'; '.join(shares)}",
         why,
@@ -199,7 +199,7 @@ def _tests_agree(mean: dict[str, float]) -> Verdict:
     least, most = min(three.values()), max(three.values())
     apart = most / least - 1 if least > 0 else 0.0
     return Verdict(
-        "The simple, dealer and exhaustive band tests are nearly the same (within 5 %) (D3-D5, D7).",
+        "The simple, dealer and exhaustive band tests are nearly the same (within 5 %).",
         apart <= 0.05,
         ", ".join(
             f"{name.removeprefix(PBI_30.name).strip() or 'simple'} {value:.4g} %" for name, value in three.items()
@@ -217,7 +217,7 @@ def _tests_agree(mean: dict[str, float]) -> Verdict:
 def _fixed_never_arrives(errors: Errors) -> Verdict:
     end, other = 100 * errors[_FIXED.name][-1], 100 * errors[PBI_30.name][-1]
     return Verdict(
-        "A static threshold (coarse bands incremental, fine ones always anew) is worse than the tests (D6).",
+        "A static threshold (coarse bands incremental, fine ones always anew) is worse than the tests.",
         bool(end > other),
         f"at the end of the hold: fixed {end:.3g} %, simple {other:.3g} %",
         "Bands that always start anew never converge, however long the light stands still.",

@@ -96,13 +96,13 @@ def _claims(printed: dict[float, Raster], asked: float) -> list[Verdict]:
     said = "; ".join(f"{degrees:g} degrees: {' '.join(map(str, count))}" for degrees, count in counts.items())
     return [
         Verdict(
-            "The two coarsest bands are always updated incrementally (D9).",
+            "The two coarsest bands are always updated incrementally.",
             not own[:2].any(),
             f"resets of the two coarsest: {own[0]} and {own[1]}",
             "What they hold moves little from frame to frame, measured in their own texels.",
         ),
         Verdict(
-            "Finer bands start anew more often than coarse ones (D9).",
+            "Finer bands start anew more often than coarse ones.",
             bool(np.all(np.diff(own) >= 0)),
             f"coarse to fine: {' '.join(map(str, own))}",
             "A shift by a texel leaves a coarse wavelet nearly as it was and replaces a fine one."
@@ -111,7 +111,7 @@ def _claims(printed: dict[float, Raster], asked: float) -> list[Verdict]:
             "however little, there is no reset.",
         ),
         Verdict(
-            "The faster the light turns, the more resets there are (D9).",
+            "The faster the light turns, the more resets there are.",
             bool(np.all(np.diff(totals) >= 0)),
             said,
             "Fast light has left what was applied before it is used again.",

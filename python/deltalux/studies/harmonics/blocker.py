@@ -226,14 +226,14 @@ def _claims(names: list[str], shots: Shots) -> list[Verdict]:
     said = {name: f"order {order}" if np.isfinite(order) else f"beyond {_ORDERS[-1]}" for name, order in needed.items()}
     return [
         Verdict(
-            "The smaller the light behind the blocker, the higher the order that its shadow needs (G11).",
+            "The smaller the light behind the blocker, the higher the order that its shadow needs.",
             needed[point] > needed[middle] > needed[large],
             f"least order within {100 * _RIGHT:g} %: {', '.join(f'{name} {order}' for name, order in said.items())}",
             "A shadow is as sharp as its light is small. An environment is a sum of both: its large part needs few "
             "orders, and its lamps many.",
         ),
         Verdict(
-            "Point lights do not work well in harmonics, large area lights do (G11).",
+            "Point lights do not work well in harmonics, large area lights do.",
             shots[large, 8, False].error <= _RIGHT < shots[point, _ORDERS[-1], False].error,
             f"{large} at order 8: {100 * shots[large, 8, False].error:.2g} %; {point} at order 8: "
             f"{100 * shots[point, 8, False].error:.2g} %, at order {_ORDERS[-1]}: "
@@ -252,7 +252,7 @@ def _ringing(point: str, large: str, shots: Shots) -> Verdict:
     """Judged at order 8, in the middle of those shown."""
     small, wide, soft = shots[point, 8, False], shots[large, 8, False], shots[point, 8, True]
     return Verdict(
-        "Small lights ring: bright rims round the shadow; a window takes them away and blurs (G11).",
+        "Small lights ring: bright rims round the shadow; a window takes them away and blurs.",
         small.above > wide.above and soft.above < 0.25 * small.above and soft.error > small.error,
         f"too bright at order 8: {point} {100 * small.above:.2g} %, {large} {100 * wide.above:.2g} %, {point} windowed "
         f"{100 * soft.above:.2g} %; error of {point} {100 * small.error:.2g} %, windowed {100 * soft.error:.2g} %",

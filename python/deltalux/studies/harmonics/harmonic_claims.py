@@ -74,8 +74,7 @@ def _as_order_10(found: Findings, frames: slice) -> Verdict:
     worth = terms_for(np.array(list(curve), float), 100 * np.array(list(curve.values())), pbi)
     order = f"linear order {np.sqrt(worth):.1f}" if np.isfinite(worth) else "no order up to 20"
     return Verdict(
-        f"While the light turns {PBI_SH_25} is about as good as linear order 10, "
-        f"within {100 * _ABOUT - 100:.0f} % (F3).",
+        f"While the light turns {PBI_SH_25} is about as good as linear order 10, within {100 * _ABOUT - 100:.0f} %.",
         pbi <= _ABOUT * tenth,
         f"mean error {pbi:.3g} %; order 5 {fifth:.3g} %, order 10 {tenth:.3g} %; it is worth {order}",
         "Low degrees turn slowly and are always up to date; the higher the degree, the longer it waits for its turn, "
@@ -89,7 +88,7 @@ def _minimal_flicker(found: Findings, frames: slice) -> Verdict:
     unrest = {name: found.tracks[name].mean("unrest", frames) for name in names}
     holds = flicker[PBI_SH_25.name] <= 2 * flicker[SH_ORDER_10.name] and flicker[PBI_SH_25.name] <= flicker[NWA_25.name]
     return Verdict(
-        "PBI-SH flickers little: at most twice linear order 10's flicker, and less than NWA with as many terms (F3).",
+        "PBI-SH flickers little: at most twice linear order 10's flicker, and less than NWA with as many terms.",
         holds,
         "; ".join(f"{name}: flicker {flicker[name]:.2g} %, unrest {unrest[name]:.2g} %" for name in names),
         "Linear harmonics hardly jump at all: what they show is a smooth function of the light. "
@@ -110,7 +109,7 @@ def _smoother_but_slower(found: Findings, motion: Motion) -> Verdict:
     error = {name: found.tracks[name].mean("errors", still) for name in (ours, plain)}
     smoother, slower = unrest[ours] < unrest[plain], error[ours] > error[plain] or late[ours] > late[plain]
     return Verdict(
-        "Filling low bands first makes PBI on harmonics smoother, and hinders convergence somewhat (F2).",
+        "Filling low bands first makes PBI on harmonics smoother, and hinders convergence somewhat.",
         smoother and slower,
         "; ".join(
             f"{name}: unrest {unrest[name]:.2g} %, mean error from the stop on {error[name]:.3g} %, order 20 after "
@@ -126,7 +125,7 @@ def _no_exact_limit(found: Findings) -> Verdict:
     harmonic, haar = found.arrivals[PBI_SH_25.name], found.arrivals[PBI_100.name]
     limit = found.tracks[SH_ORDER_20.name].errors[-1]
     return Verdict(
-        "Harmonics have no exact limit, wavelets do: PBI-SH ends at order 20's error, PBI on Haar at none (F1).",
+        "Harmonics have no exact limit, wavelets do: PBI-SH ends at order 20's error, PBI on Haar at none.",
         abs(harmonic.error - limit) <= 1e-3 * limit and haar.error == 0.0 < limit,
         f"{PBI_SH_25} after {harmonic.frames} still frames {100 * harmonic.error:.3g} % "
         f"(order 20: {100 * limit:.3g} %); {PBI_100} after {haar.frames} still frames {100 * haar.error:g} %",
@@ -139,7 +138,7 @@ def _bands_kept(found: Findings, motion: Motion) -> Verdict:
     still = found.light_errors[motion.stop :]
     rises = int(np.count_nonzero(np.diff(still) > 0))
     return Verdict(
-        "A band that gets no term keeps its values, and under still light the error only falls (T10).",
+        "A band that gets no term keeps its values, and under still light the error only falls.",
         found.disturbed == 0 and rises == 0,
         f"{found.disturbed} of {len(found.light_errors)} frames change such a band; the error of the light rises in "
         f"{rises} of {max(len(still) - 1, 0)} still frames",
@@ -157,7 +156,7 @@ def _little_from_25_to_100(found: Findings, frames: slice) -> Verdict:
         figures.append(f"{basis}: error {e0:.3g} % to {e1:.3g} %, edges {g0:.3g} % to {g1:.3g} %")
     holds = gains["SH"]["errors"] < gains["NWA"]["errors"]
     return Verdict(
-        "From 25 to 100 terms harmonics gain little, and NWA much (F4).",
+        "From 25 to 100 terms harmonics gain little, and NWA much.",
         holds,
         f"{'; '.join(figures)}; errors divided by {gains['SH']['errors']:.2g} and {gains['NWA']['errors']:.2g}",
         "Small bright lights cast the sharp shadows that wavelets reach and low degrees do not."
@@ -179,7 +178,7 @@ def _haar_converges_faster(found: Findings) -> Verdict:
     harmonic, wavelet = (found.curves[name] for name in CURVES[:2])
     ahead = [terms for terms in harmonic if all(wavelet[n] <= harmonic[n] for n in harmonic if n >= terms)]
     return Verdict(
-        "NWA converges faster than harmonics as terms are added (F5, after Ng et al. 2003).",
+        "NWA converges faster than harmonics as terms are added (after Ng et al. 2003).",
         gains["NWA by area"] > gains["SH"] and bool(ahead),
         f"from 25 to {most} terms: {'; '.join(figures)}",
         (f"NWA by area is ahead from {ahead[0]} terms on. " if ahead else "NWA by area is not ahead even at 400. ")

@@ -60,7 +60,7 @@ def _order(found: Transfers) -> Verdict:
     means = [float((B * found.albedo).mean()) for B in (found.unshadowed, found.shadowed, found.bounced)]
     holds = min(darker, brighter) >= _NEARLY_ALL
     return Verdict(
-        "Shadows only take light away, and light between surfaces only adds to it (G7, G9).",
+        "Shadows only take light away, and light between surfaces only adds to it.",
         holds,
         f"in {100 * darker:.1f} % and {100 * brighter:.1f} % of receivers; mean radiance "
         f"{', '.join(f'{mean:.3g}' for mean in means)}",
@@ -75,7 +75,7 @@ def _channels(found: Transfers) -> Verdict:
     all_light, bounced = found.one_error
     holds = shadows == 1 and bounces == 3
     return Verdict(
-        "For shadows one transfer vector serves all colours; light between surfaces bleeds and takes three (G6).",
+        "For shadows one transfer vector serves all colours; light between surfaces bleeds and takes three.",
         holds,
         f"channels: {shadows} with shadows, {bounces} with bounces; one channel in their place is off by "
         f"{100 * all_light:.2g} % of the picture and {100 * bounced:.2g} % of what has bounced",
@@ -87,7 +87,7 @@ def _channels(found: Transfers) -> Verdict:
 
 def _sum(found: Transfers) -> Verdict:
     return Verdict(
-        "A picture is the sum of the images of single basis functions, each times its coefficient of the light (G10).",
+        "A picture is the sum of the images of single basis functions, each times its coefficient of the light.",
         found.sum_error <= 1e-5,
         f"the sum of the wavelets' images above is off by {100 * found.sum_error:.2g} %",
         "Light is linear, also where it is negative; what is left is the rounding of pictures in single precision.",
@@ -99,7 +99,7 @@ def _terms(found: Transfers) -> Verdict:
     wavelets = found.few[f"Haar, {many} terms"]
     holds = wavelets <= _RIGHT
     return Verdict(
-        f"{many} wavelets, chosen by the light, seem sufficient (G13).",
+        f"{many} wavelets, chosen by the light, seem sufficient.",
         holds,
         "; ".join(f"{name}: {100 * error:.3g} %" for name, error in found.few.items()),
         f"Within {100 * _RIGHT:g} % of the picture with all of them."
