@@ -94,7 +94,7 @@ impl GatherSamples {
             (std::array::from_fn(|k| (at[k] + LIFT * f64::from(normal[k])) as f32), normal)
         };
         let (origin, normal) = places.map(lifted).unzip();
-        Points { origin, normal }
+        Points { origin, normal, horizon: Vec::new() }
     }
 
     /// The unit normals of all points of cells, to the sides that their samples are on.

@@ -91,18 +91,22 @@ impl LitPoints {
         scene: Py<Scene>,
         origin: PyReadonlyArray2<'_, f32>,
         normal: PyReadonlyArray2<'_, f32>,
+        horizon: PyReadonlyArray2<'_, f32>,
     ) -> PyResult<Self> {
-        let (origin, normal) = (vectors("origin", &origin)?, vectors("normal", &normal)?);
-        if origin.len() != normal.len() {
+        let origin = vectors("origin", &origin)?;
+        let (normal, horizon) = (vectors("normal", &normal)?, vectors("horizon", &horizon)?);
+        if [normal.len(), horizon.len()] != [origin.len(); 2] {
             let (expected, found) = (origin.len(), normal.len());
             return Err(Error::input(format!("expected {expected} normals, one a point, got {found}")).into());
         }
-        Ok(LitPoints { scene, points: Arc::new(Points { origin, normal }) })
+        Ok(LitPoints { scene, points: Arc::new(Points { origin, normal, horizon }) })
     }
 
-    /// Places off their surfaces, in the normalised scene, and unit normals: (points, 3) float32 each.
-    fn arrays(&self, py: Python<'_>) -> PyResult<(Py<PyArray2<f32>>, Py<PyArray2<f32>>)> {
-        Ok((rows_of(py, &self.points.origin)?, rows_of(py, &self.points.normal)?))
+    /// Places off their surfaces, in the normalised scene, unit normals, and those of the triangles: (points, 3) float32 each.
+    #[allow(clippy::type_complexity)]
+    fn arrays(&self, py: Python<'_>) -> PyResult<(Py<PyArray2<f32>>, Py<PyArray2<f32>>, Py<PyArray2<f32>>)> {
+        let rises: Vec<_> = (0..self.points.len()).map(|number| self.points.rise(number)).collect();
+        Ok((rows_of(py, &self.points.origin)?, rows_of(py, &self.points.normal)?, rows_of(py, &rises)?))
     }
 
     /// How many there are.

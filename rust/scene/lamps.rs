@@ -134,15 +134,16 @@ impl Lamp {
         bits: &mut [u64],
     ) {
         let words = bits.len() / rows.len();
-        let (ends, normals) = (&points.origin[rows.clone()], &points.normal[rows]);
+        let ends = &points.origin[rows.clone()];
         for (number, source) in self.sources.iter().enumerate() {
             let from = mesh.normalised(source.at);
             let rises = |end: &[f32; 3], normal: &[f32; 3]| (0..3).map(|k| (from[k] - end[k]) * normal[k]).sum::<f32>();
-            let facing = ends
-                .iter()
-                .zip(normals)
-                .enumerate()
-                .fold(0u64, |mask, (place, (end, normal))| mask | u64::from(rises(end, normal) > 0.0) << place);
+            let above = |row: usize| {
+                let end = &points.origin[row];
+                rises(end, &points.normal[row]) > 0.0 && rises(end, &points.rise(row)) > 0.0
+            };
+            let facing =
+                rows.clone().enumerate().fold(0u64, |mask, (place, row)| mask | u64::from(above(row)) << place);
             let mut seen = segments.seen(tracer, &Apex { origin: from, normal: [0.0; 3] }, ends, facing);
             while seen != 0 {
                 bits[seen.trailing_zeros() as usize * words + number / 64] |= 1 << (number % 64);
@@ -164,9 +165,11 @@ impl Lamp {
         let directions: Vec<[f32; 3]> = self.sources.iter().map(|source| source.at.map(|x| x as f32)).collect();
         let fans = fans(&directions);
         for (row, bits) in rows.zip(bits.chunks_exact_mut(words)) {
-            let (origin, normal) = (points.origin[row], points.normal[row]);
+            let (origin, normal) = (points.origin[row], points.rise(row));
             for (fan, places) in &fans {
-                let rises = |&place: &usize| (0..3).map(|k| directions[place][k] * normal[k]).sum::<f32>() > 0.0;
+                let over =
+                    |place: usize, normal: [f32; 3]| (0..3).map(|k| directions[place][k] * normal[k]).sum::<f32>();
+                let rises = |&place: &usize| over(place, normal) > 0.0 && over(place, points.normal[row]) > 0.0;
                 let facing =
                     places.iter().enumerate().fold(0u64, |mask, (ray, place)| mask | u64::from(rises(place)) << ray);
                 let blocked = if facing == 0 { 0 } else { tracer.blocked(&Apex { origin, normal }, fan, facing, walk) };

@@ -122,7 +122,7 @@ fn floor_and_roof() -> (Mesh, Tracer, Points) {
     let places: Vec<[f64; 3]> =
         (0..100).map(|k| [-1.8 + 0.4 * f64::from(k % 10), 1e-4, -1.8 + 0.4 * f64::from(k / 10)]).collect();
     let origin = places.iter().map(|&place| mesh.normalised(place)).collect();
-    (mesh, tracer, Points { origin, normal: vec![[0.0, 1.0, 0.0]; places.len()] })
+    (mesh, tracer, Points { origin, normal: vec![[0.0, 1.0, 0.0]; places.len()], horizon: vec![] })
 }
 
 /// Near and far lamps by the formulas of their irradiance, and shadows where a ray meets the roof.

@@ -50,6 +50,7 @@ QUANTUM = -30
 """Rows are in units of the root of an area: far smaller numbers than those of light from everywhere."""
 _TILE_ROWS = 2048
 _JOB = "job.json"
+_POINTS = ("origin", "normal", "horizon")
 _FEWEST, _MOST = 64, 1 << 18
 _BUNDLES = 6
 # Lamps that the light in each column is expected from, and under which truncation is measured.
@@ -154,8 +155,10 @@ class _Studio:
             raise ValueError(f"expected a family for every glossy material, but none is given for number {shiny[0]}")
         self.scene, self.families, self.gather, self.passes = scene, families, gather, bounces - 1
         self.quality, self.tolerance = quality
-        self.core, self.camera = scene.traced(), scene.camera.rays()
-        self.rows = self.core.receivers(self.camera, edges=QUALITIES[self.quality].edges)
+        if any(cutout is not None for cutout in scene.cutouts):
+            raise ValueError("expected a scene whose surfaces are whole: lamps at run time see no holes in them")
+        self.core, self.camera = scene.traced(scene.camera.position), scene.camera.rays()
+        self.rows = self._shaded(self.core.receivers(self.camera, edges=QUALITIES[self.quality].edges))
         self.material = scene.material[self.rows.triangle]
         self.of = {name: np.flatnonzero(self.material == number) for name, number in self.numbers.items()}
         unseen = [name for name, own in self.of.items() if not own.size]
@@ -163,6 +166,13 @@ class _Studio:
             raise ValueError(
                 f"expected materials that the camera sees, but no pixel shows {', '.join(unseen) or 'any'}"
             )
+
+    def _shaded(self, rows: Receivers) -> Receivers:
+        """The rows with the normals that the scene brings."""
+        if not len(rows):
+            return rows
+        normals = self.scene.shading_normals(rows.triangle, rows.barycentric, rows.normal, self.scene.camera)
+        return rows if normals is None else rows.shaded(normals, None)
 
     def run(self, path: Path, progress: bool | Progress) -> StudioTransport:
         """Part after part, and last what says that all is there."""
@@ -291,7 +301,7 @@ class _Studio:
         )
 
     def _pixels(self, rows: Receivers) -> ReceiverTable:
-        albedo = self.scene.albedo_at(rows.triangle, rows.barycentric)
+        albedo = self.scene.albedo_at(rows.triangle, rows.barycentric, self.scene.camera)
         return rows.table(albedo, self.scene.material[rows.triangle].astype(np.uint16))
 
     def _table(self) -> ReceiverTable:
@@ -313,21 +323,18 @@ class _Studio:
 
     def _finish(self, path: Path, thresholds: Mapping[str, float], seconds: float) -> None:
         """The arrays, then the manifest: it stands for a whole directory, so it comes last."""
-        view = LitPoints.of_rows(self.core, self.rows).arrays()
-        cells = self.cells.arrays()
+        lit = {"view": LitPoints.of_rows(self.core, self.rows), "cell": self.cells}
         arrays: dict[str, np.ndarray] = {
             "vertices": self.scene.vertices.astype(np.float64),
             "triangles": self.scene.triangles.astype(np.uint32),
             "of_triangle": self.scene.material.astype(np.uint32),
-            "view_origin": view[0],
-            "view_normal": view[1],
-            "cell_origin": cells[0],
-            "cell_normal": cells[1],
             "areas": self.samples.tree_areas,
             "weights": self.weights,
             "albedo": self.albedo,
             "material": self.of_sample,
         }
+        for of, points in lit.items():
+            arrays |= {f"{of}_{what}": own for what, own in zip(_POINTS, points.arrays(), strict=True)}
         arrays |= {f"rows_{self.numbers[name]}": own.astype(np.uint32) for name, own in self.of.items()}
         np.savez(path / ARRAYS, **arrays)  # type: ignore[arg-type]
         parts = []

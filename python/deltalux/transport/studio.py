@@ -116,17 +116,22 @@ class StudioTransport:
     @cached_property
     def scene(self) -> CoreScene:
         """The surfaces ready for rays."""
-        return CoreScene(*(self._arrays[name] for name in ("vertices", "triangles", "of_triangle")))
+        surfaces = (self._arrays[name] for name in ("vertices", "triangles", "of_triangle"))
+        return CoreScene(*surfaces, eye=self.camera.position)
 
     @cached_property
     def view(self) -> LitPoints:
         """The rows of the view, which lamps shine on."""
-        return LitPoints.of_arrays(self.scene, self._arrays["view_origin"], self._arrays["view_normal"])
+        return self._points("view")
 
     @cached_property
     def cells(self) -> LitPoints:
         """`EACH` points of the cell of each sample."""
-        return LitPoints.of_arrays(self.scene, self._arrays["cell_origin"], self._arrays["cell_normal"])
+        return self._points("cell")
+
+    def _points(self, of: str) -> LitPoints:
+        origin, normal, horizon = (self._arrays[f"{of}_{what}"] for what in ("origin", "normal", "horizon"))
+        return LitPoints.of_arrays(self.scene, origin, normal, horizon)
 
     @cached_property
     def tree(self) -> SampleTree:
@@ -217,8 +222,10 @@ def _check(stored: Mapping[str, NDArray[Any]], diffuse: Transport, bounces: Tran
         "of_triangle": (np.uint32, (triangles,)),
         "view_origin": (np.float32, (rows, 3)),
         "view_normal": (np.float32, (rows, 3)),
+        "view_horizon": (np.float32, (rows, 3)),
         "cell_origin": (np.float32, (samples * EACH, 3)),
         "cell_normal": (np.float32, (samples * EACH, 3)),
+        "cell_horizon": (np.float32, (samples * EACH, 3)),
         "areas": (np.float64, (samples,)),
         "weights": (np.float64, (columns,)),
         "albedo": (np.float32, (samples, 3)),
