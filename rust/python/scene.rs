@@ -43,6 +43,9 @@ impl Scene {
 /// How much of a material is there, as Python says it.
 type OneOpacity<'py> = (f32, Option<f32>, Option<PyReadonlyArray2<'py, f32>>, [String; 2], bool);
 
+/// That of all materials, with places of vertices in pictures and opacities of their own.
+type AllOpacities<'py> = (Vec<Option<OneOpacity<'py>>>, PyReadonlyArray2<'py, f32>, PyReadonlyArray1<'py, f32>);
+
 fn opacity((factor, cutoff, picture, wrap, nearest): OneOpacity<'_>) -> PyResult<Opacity> {
     let [u, v] = wrap.map(|word| match word.as_str() {
         "repeat" => Ok(Wrap::Repeat),
@@ -72,7 +75,7 @@ impl Scene {
         triangles: PyReadonlyArray2<'_, u32>,
         material: PyReadonlyArray1<'_, u32>,
         eye: Option<[f64; 3]>,
-        holes: Option<(Vec<Option<OneOpacity<'_>>>, PyReadonlyArray2<'_, f32>, PyReadonlyArray1<'_, f32>)>,
+        holes: Option<AllOpacities<'_>>,
     ) -> PyResult<Self> {
         let vertices = vectors("vertices", &vertices)?;
         let triangles = vectors("triangles", &triangles)?;

@@ -54,7 +54,7 @@ pub struct Picture {
 impl Picture {
     /// Refuses what is empty or no opacity.
     pub fn new(values: Vec<f32>, width: usize, wrap: [Wrap; 2], nearest: bool) -> Result<Self> {
-        if width == 0 || values.is_empty() || values.len() % width != 0 {
+        if width == 0 || values.is_empty() || !values.len().is_multiple_of(width) {
             return Err(Error::input("expected a picture of opacity with pixels, got none"));
         }
         if !values.iter().all(|value| (0.0..=1.0).contains(value)) {
