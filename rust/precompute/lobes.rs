@@ -121,6 +121,17 @@ impl Lobes {
         self.of_row.get(row).is_some_and(|&own| own != DIFFUSE)
     }
 
+    /// The factors among the models, each by its number.
+    pub(super) fn factors(&self) -> impl Iterator<Item = Option<&Factor>> {
+        self.models.iter().map(|shape| if let Shape::Factor(factor) = shape { Some(&**factor) } else { None })
+    }
+
+    /// The number of a row's model, where that is a factor.
+    pub(super) fn factor_of(&self, row: usize) -> Option<usize> {
+        let model = usize::from(*self.of_row.get(row)?);
+        matches!(self.models.get(model)?, Shape::Factor(_)).then_some(model)
+    }
+
     /// The lobe of a row with this normal; None of a diffuse one.
     pub fn of(&self, row: usize, normal: [f32; 3]) -> Option<Lobe<'_>> {
         let model = usize::from(*self.of_row.get(row).filter(|&&own| own != DIFFUSE)?);
@@ -167,10 +178,10 @@ impl LobeModels for Models {
 
 /// The frame of a surface point: tangent, bitangent, normal.
 #[derive(Clone, Copy)]
-struct Local([[f64; 3]; 3]);
+pub(super) struct Local([[f64; 3]; 3]);
 
 impl Local {
-    fn new(normal: [f32; 3]) -> Self {
+    pub fn new(normal: [f32; 3]) -> Self {
         let normal = normal.map(f64::from);
         let [tangent, bitangent] = frame(normal);
         Local([tangent, bitangent, normal])
@@ -182,7 +193,7 @@ impl Local {
     }
 
     /// A direction of the frame in space.
-    fn world(&self, local: [f64; 3]) -> [f64; 3] {
+    pub fn world(&self, local: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|k| (0..3).map(|axis| local[axis] * self.0[axis][k]).sum())
     }
 }

@@ -13,6 +13,7 @@ pub mod node_pass;
 pub mod pass;
 mod projection;
 pub mod radiosity;
+mod reflections;
 mod respond;
 mod texels;
 mod visibility;

@@ -122,8 +122,8 @@ def precompute(
     gloss
         Whether materials with a lobe have rows for it, as the camera sees them (without them it is black to the eye,
         but reflects between surfaces as if it were diffuse). What they reflect of other surfaces takes bounces, and is
-        as sharp as the nodes. At vertices, which are seen from anywhere, lobes are sums of factors, and reflect the
-        environment alone; there, and where a material is measured, columns are without texels.
+        as sharp as the nodes. At vertices, which are seen from anywhere, lobes are sums of factors; there, and where a
+        material is measured, columns are without texels.
     factors
         Of a lobe at vertices: "auto", as few as leave a tenth of it under natural light, at most 24, or how many. The
         plan says what they leave.
