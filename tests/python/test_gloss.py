@@ -297,8 +297,6 @@ def test_a_measured_material_has_three_rows(tmp_path):
     np.testing.assert_allclose(picture[order], expected, rtol=0.02)
     with pytest.raises(ValueError, match="keeps its scene"):
         _ = transport.surface
-    with pytest.raises(ValueError, match="a material is measured"):
-        made(tmp_path / "v.transport", tile(dl.Material(0.9, 0.8, model)), receivers="vertices")
 
 
 def test_a_million_frames_leave_the_bits_of_a_fresh_product(tmp_path):
@@ -422,6 +420,42 @@ def test_a_view_alone_changes_no_response(tmp_path):
     colours = transport.colours(frame.values)
     assert colours.shape == (98, 3)
     transport.save_colours(tmp_path / "a.glb", frame.values)
+
+
+@pytest.mark.skipif(not RGL.exists(), reason="needs a measured material")
+def test_a_measured_material_is_seen_by_factors_of_three_colours(tmp_path):
+    """All factors are the lobe, but for what its left and its right differ by; the picture is that of pixels; the file
+    keeps the factors, and not the table."""
+    model = brdf.Measured.load(RGL)
+    many = factored(model, 300)
+    rings, columns = many.light.shape[1:]
+    (i, o), (a, b) = (np.random.default_rng(1).integers(0, most, (2, 300)) for most in (rings, columns))
+
+    def way(ring: np.ndarray, turn: np.ndarray) -> np.ndarray:
+        theta, phi = np.pi / 2 * (ring + 0.5) / rings, 2 * np.pi * (turn + 0.5) / columns
+        return np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], -1)
+
+    exact = 0.5 * sum(model.evaluate(way(i, x), way(o, y)) for x, y in ((a, b), (b, a))) * way(i, a)[:, 2:]
+    found = np.einsum("kp,kpc->pc", many.light[:, i, a], many.eye[:, o, b])
+    assert np.linalg.norm(found - exact) < max(0.02, 2 * many.left[many.count]) * np.linalg.norm(exact)
+
+    scene = quad(brdf.Phong(20), cells=2).with_material(0, dl.Material(0.9, 0.8, model))
+    transport = made(tmp_path / "v.transport", scene, receivers="vertices", columns="haar:16")
+    count = transport.factors
+    assert 2 <= count <= MOST and len(transport.receivers) == 18 * (1 + count)
+    env = dl.Environment.builtin("hall")
+    B = transport.multiply(transport.coefficients(env))
+    pixels = made(tmp_path / "p.transport", scene, columns="haar:16")
+    theirs, ours = pixels.image(pixels.multiply(pixels.coefficients(env))), transport.render(scene.camera, B)
+    assert np.linalg.norm(ours - theirs) < 0.05 * np.linalg.norm(theirs)
+    assert transport.surface.models == (None,) and transport.surface.albedo.max() == 0
+
+
+def test_a_measured_material_that_differs_as_it_turns_is_refused_at_vertices(monkeypatch):
+    monkeypatch.setattr("deltalux.precomputation.factoring.Measured", brdf.Ward)
+    monkeypatch.setattr(brdf.Ward, "evaluate", lambda self, wi, wo: np.ones((*np.shape(wi)[:-1], 3)) * wi[..., :1] ** 2)
+    with pytest.raises(ValueError, match="isotropic measured material for vertices"):
+        factored(brdf.Ward(0.3, 0.5), 4)
 
 
 @pytest.mark.parametrize("factors", ["some", 0, -1, 1.5])

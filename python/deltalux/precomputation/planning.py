@@ -305,7 +305,7 @@ def _own_bytes(prepared: Prepared) -> float:
     """Of the picture, or of the corners of triangles; and of the scene, which is kept."""
     scene, camera = prepared.scene, prepared.scene.camera
     own = 4 * camera.width * camera.height if prepared.request.receivers == "pixels" else 12 * len(scene.triangles)
-    return own + sum(array.nbytes for array in scene.arrays().values())
+    return own + sum(array.nbytes for array in prepared.kept.arrays().values())
 
 
 def _left_out(prepared: Prepared, probe: _Probe, part: Part) -> list[LeftOut]:

@@ -338,14 +338,15 @@ class _Run:
             scene.material[rows.triangle].astype(np.uint16),
             self.prepared.texels,
         )
-        arrays = scene.arrays()
+        kept = self.prepared.kept
+        arrays = kept.arrays()
         arrays |= self.prepared.beside() if arrays else {}
         self.writer.finish(
             parts=self.parts,
             receivers=table,
             camera=json.dumps(asdict(scene.camera)),
             plan=plan.done(self.notes, self.survey.errors, self.survey.without, self.solve).to_json(),
-            scene=scene.content_hash(),
+            scene=kept.content_hash(),
             first=len(self.parts),
             link=None if self.links is None else self.links.link,
             audit=(looked.groups, looked.audit) if len(looked.groups) else None,
