@@ -18,14 +18,11 @@ use crate::transport::{Slab, Weights};
 
 use super::lobes::Lobes;
 use super::reflections::{reflected, reflected_by_factors};
+use super::shares::{EXPONENT, TAKEN, WHOLE, in_whole_numbers};
 
-/// Weights are integers times 2^-12.
-const EXPONENT: i32 = -12;
-pub(super) const WHOLE: u32 = 1 << -EXPONENT;
-/// Nodes looked at for a receiver, those of them that are asked, and those that it takes from.
+/// Nodes looked at for a receiver, and those of them that are asked.
 const AROUND: usize = 32;
 const ASKED: usize = 8;
-pub(super) const TAKEN: usize = 4;
 /// How far the ray between them is lifted at both ends, in its length: the chord between two points of a round solid runs
 /// inside it.
 const LIFTED: f64 = 0.1;
@@ -306,20 +303,4 @@ fn interpolation(
     speaking.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     speaking.truncate(TAKEN);
     (in_whole_numbers(&speaking, WHOLE), shot)
-}
-
-/// Shares as integers that sum to `wanted`: rounded down, and what is left goes to the largest remainders.
-pub(super) fn in_whole_numbers(shares: &[(f64, u32)], wanted: u32) -> Vec<(u32, u16)> {
-    let sum: f64 = shares.iter().map(|share| share.0).sum();
-    if sum <= 0.0 {
-        return Vec::new();
-    }
-    let exact: Vec<f64> = shares.iter().map(|share| share.0 / sum * f64::from(wanted)).collect();
-    let mut whole: Vec<u32> = exact.iter().map(|x| *x as u32).collect();
-    let mut order: Vec<usize> = (0..shares.len()).collect();
-    order.sort_by(|&a, &b| (exact[b] - exact[b].floor()).total_cmp(&(exact[a] - exact[a].floor())));
-    let left = wanted.saturating_sub(whole.iter().sum());
-    order.iter().cycle().take(left as usize).for_each(|&k| whole[k] += 1);
-    let pairs = shares.iter().zip(whole).map(|(share, weight)| (share.1, weight.min(u32::from(u16::MAX)) as u16));
-    pairs.filter(|(_, weight)| *weight > 0).collect()
 }

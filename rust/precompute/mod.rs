@@ -15,6 +15,7 @@ mod projection;
 pub mod radiosity;
 mod reflections;
 mod respond;
+mod shares;
 mod texels;
 mod visibility;
 

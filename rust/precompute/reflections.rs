@@ -19,8 +19,8 @@ use crate::scene::surface::Point;
 use crate::scene::{Nodes, Points, Surfaces};
 use crate::transport::weights::NEGATIVE;
 
-use super::links::{TAKEN, WHOLE, in_whole_numbers};
 use super::lobes::{Lobe, Lobes, Local};
+use super::shares::{TAKEN, WHOLE, in_whole_numbers};
 
 /// Rays of a lobe along a side, twice as many where it is wider than 15 degrees.
 const LOBE_SIDE: usize = 8;

@@ -24,7 +24,7 @@ pub fn named(number: u32) -> usize {
 #[inline(always)]
 pub fn signed(number: u32, weight: u16) -> f64 {
     // PERF: the highest bit becomes that of the f64, without a branch.
-    f64::from_bits(f64::from(weight).to_bits() ^ u64::from(number & NEGATIVE) << 32)
+    f64::from_bits(f64::from(weight).to_bits() ^ (u64::from(number & NEGATIVE) << 32))
 }
 
 /// `rows` x `nodes` weights, row by row: integers times 2^exponent.

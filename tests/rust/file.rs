@@ -537,7 +537,7 @@ fn chains_are_read_as_they_were_written() {
     let nodes = matrix(haar, 20, three, 2, Width::I16);
     let weights = Weights::new(
         (0..=40u32).collect::<Vec<_>>().into(),
-        (0..40u32).map(|k| k % 20 | (k % 3 / 2) * NEGATIVE).collect::<Vec<_>>().into(),
+        (0..40u32).map(|k| (k % 20) | ((k % 3 / 2) * NEGATIVE)).collect::<Vec<_>>().into(),
         vec![128u16; 40].into(),
         -8,
         20,

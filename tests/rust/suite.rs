@@ -71,7 +71,7 @@ const FORMS: &[(&str, Make)] = &[
         let nodes = Arc::new(matrix(space, 20, Channels::Three, 8, Width::I8));
         let starts: Vec<u32> = (0..=ROWS as u32).map(|row| 2 * row).collect();
         // Every third weight is negative.
-        let named: Vec<u32> = (0..2 * ROWS as u32).map(|k| k * 7 % 20 | (k % 3 / 2) * NEGATIVE).collect();
+        let named: Vec<u32> = (0..2 * ROWS as u32).map(|k| (k * 7 % 20) | ((k % 3 / 2) * NEGATIVE)).collect();
         let amounts: Vec<u16> = (0..2 * ROWS as u16).map(|k| k * 37 % 200).collect();
         let weights = Weights::new(starts.into(), named.into(), amounts.into(), -8, 20).unwrap();
         let link = Link::Weights(Arc::new(weights.clone()));
