@@ -35,6 +35,14 @@ pub fn cosine_directions(normal: [f64; 3], side: usize, seed: u64) -> impl Itera
     })
 }
 
+/// A direction in part `k` of the hemisphere about z, which is cut into `heights` x `turns` parts of one size: at `x`, `y`
+/// inside it, from 0 to 1.
+pub fn in_part(k: usize, [heights, turns]: [usize; 2], [x, y]: [f64; 2]) -> [f64; 3] {
+    let (up, turn) = (((k % heights) as f64 + x) / heights as f64, ((k / heights) as f64 + y) / turns as f64);
+    let (radius, angle) = ((1.0 - up * up).max(0.0).sqrt(), std::f64::consts::TAU * turn);
+    [radius * angle.cos(), radius * angle.sin(), up]
+}
+
 /// Which of some shares a number between 0 and their sum falls into, and how far inside it lies, from 0 to 1: as good as
 /// another even number. `sums`: of the shares, up to and with each.
 pub fn chosen(sums: &[f64], at: f64) -> (usize, f64) {

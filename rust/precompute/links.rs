@@ -6,6 +6,7 @@
 //!     W_x  = 1 / (|x - n| / r_n + 0.05)^2 of the 4 best of 32 nodes, in 4,096ths that sum to 4,096
 //!     or     rays of x that meet what n speaks for / N                 where fewer than two speak for x, or the albedo that
 //!                                                                      x sees differs from what they say (the audit)
+//!     or     what a lobe, or a factor of one, takes by its rays        where x is glossy (`reflections.rs`)
 //! ```
 
 use rayon::prelude::*;
@@ -15,15 +16,13 @@ use crate::sampling::{cosine_directions, mixed};
 use crate::scene::{CELL, Nodes, Placed, Points, Surfaces};
 use crate::transport::{Slab, Weights};
 
-use super::lobes::{Lobe, Lobes};
+use super::lobes::Lobes;
+use super::reflections::{reflected, reflected_by_factors};
+use super::shares::{EXPONENT, TAKEN, WHOLE, in_whole_numbers};
 
-/// Weights are integers times 2^-12.
-const EXPONENT: i32 = -12;
-const WHOLE: u32 = 1 << -EXPONENT;
-/// Nodes looked at for a receiver, those of them that are asked, and those that it takes from.
+/// Nodes looked at for a receiver, and those of them that are asked.
 const AROUND: usize = 32;
 const ASKED: usize = 8;
-const TAKEN: usize = 4;
 /// How far the ray between them is lifted at both ends, in its length: the chord between two points of a round solid runs
 /// inside it.
 const LIFTED: f64 = 0.1;
@@ -32,9 +31,6 @@ const CHECKED: usize = 64;
 const CLOSELY: usize = 64;
 /// A receiver that gathers from so few nodes costs no more than one that interpolates.
 const FEW: usize = 4;
-/// Rays of a lobe along a side, twice as many where it is wider than 15 degrees.
-const LOBE_SIDE: usize = 8;
-const WIDE: f64 = 0.26;
 
 /// Sparse counts of rays, row by row.
 #[derive(Clone, Debug, Default)]
@@ -198,16 +194,13 @@ pub fn links(
     let row = |row: usize, room: &mut Vec<(f32, u32)>| -> (Taken, u64) {
         let origin = receivers.origin[row].map(f64::from);
         let normal = receivers.normal[row].map(f64::from);
-        if normal == [0.0; 3] {
+        // Factors of one point go together: see below.
+        if normal == [0.0; 3] || lobes.factor_of(row).is_some() {
             return (Taken::Interpolated(Vec::new()), 0);
         }
         if let Some(lobe) = lobes.of(row, receivers.normal[row]) {
-            // Factors may be negative, and weights not.
-            if lobe.is_factor() {
-                return (Taken::Interpolated(Vec::new()), 0);
-            }
-            let rises = |direction| receivers.rises(row, direction);
-            return reflected(surfaces, nodes, (origin, &rises), &lobe, row as u64, room);
+            let (taken, shot) = reflected(surfaces, nodes, (receivers, row), &lobe, room);
+            return (Taken::Gathered(taken, Why::Glossy), shot);
         }
         let directions = cosine_directions(normal, side, mixed(row as u64) ^ 1);
         let risen = directions.filter(|&direction| receivers.rises(row, direction));
@@ -228,19 +221,23 @@ pub fn links(
         (taken, shot + rays as u64)
     };
     let chunks = receivers.len().div_ceil(CHUNK);
-    let rows: Vec<Vec<(Taken, u64)>> = (0..chunks)
+    let rows = (0..chunks)
         .into_par_iter()
         .map(|chunk| {
             let mut room = Vec::new();
             let own = chunk * CHUNK..receivers.len().min((chunk + 1) * CHUNK);
-            advance(own.len() as u64)?;
+            advance(own.clone().filter(|&row| lobes.factor_of(row).is_none()).count() as u64)?;
             Ok(own.map(|number| row(number, &mut room)).collect())
         })
-        .collect::<Result<_>>()?;
+        .collect::<Result<Vec<Vec<(Taken, u64)>>>>()?;
+    let mut rows: Vec<(Taken, u64)> = rows.into_iter().flatten().collect();
+    for own in reflected_by_factors(surfaces, nodes, (receivers, lobes), advance)? {
+        rows[own.row] = (Taken::Gathered(own.taken, Why::Glossy), own.rays);
+    }
 
     let (mut starts, mut from, mut by) = (vec![0u32], Vec::new(), Vec::new());
     let (mut whys, mut shot) = ([0; 4], 0);
-    for (taken, own) in rows.into_iter().flatten() {
+    for (taken, own) in rows {
         shot += own;
         let pairs = match taken {
             Taken::Interpolated(pairs) => pairs,
@@ -276,40 +273,6 @@ pub fn links(
     Ok(Links { weights, unspoken: whys[0], audited: whys[1], few: whys[2], glossy: whys[3], checks, rays })
 }
 
-/// What a glossy receiver takes: from the nodes around each point that its lobe's rays meet, by what these stand for.
-fn reflected(
-    surfaces: Surfaces,
-    nodes: &Nodes,
-    (origin, rises): ([f64; 3], &dyn Fn([f64; 3]) -> bool),
-    lobe: &Lobe,
-    seed: u64,
-    room: &mut Vec<(f32, u32)>,
-) -> (Taken, u64) {
-    let side = if lobe.half_width() > WIDE { 2 * LOBE_SIDE } else { LOBE_SIDE };
-    let mut shares: Vec<(u32, f64)> = Vec::new();
-    let origin = origin.map(|x| x as f32);
-    for (direction, weight) in lobe.samples(side, mixed(seed) ^ 4) {
-        let Some(hit) = surfaces.meet(origin, direction).filter(|_| rises(direction)) else { continue };
-        let Some(nearest) = nodes.nearest(&hit, room) else { continue };
-        let mut around: Vec<(u32, f64)> = Vec::with_capacity(TAKEN);
-        for number in nodes.several(hit.place, hit.normal, TAKEN, room) {
-            if let Some(distance) = nodes.distance_spoken(number, hit.place, hit.normal) {
-                around.push((number as u32, (distance / nodes.nodes[number].spacing + 0.05).powi(-2)));
-            }
-        }
-        if around.is_empty() {
-            around.push((nearest as u32, 1.0));
-        }
-        let sum: f64 = around.iter().map(|&(_, share)| share).sum();
-        shares.extend(around.iter().map(|&(node, share)| (node, weight * share / sum)));
-    }
-    shares.sort_by_key(|&(node, _)| node);
-    let total = |same: &[(u32, f64)]| (same.iter().map(|&(_, share)| share).sum(), same[0].0);
-    let merged: Vec<(f64, u32)> = shares.chunk_by(|a, b| a.0 == b.0).map(total).collect();
-    let whole = (merged.iter().map(|&(share, _)| share).sum::<f64>() * f64::from(WHOLE)).round() as u32;
-    (Taken::Gathered(in_whole_numbers(&merged, whole), Why::Glossy), (side * side) as u64)
-}
-
 /// The nodes that speak for a receiver, and the rays it took to find them: integers that sum to `WHOLE`, or nothing where
 /// fewer than two do.
 fn interpolation(
@@ -342,20 +305,4 @@ fn interpolation(
     speaking.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     speaking.truncate(TAKEN);
     (in_whole_numbers(&speaking, WHOLE), shot)
-}
-
-/// Shares as integers that sum to `wanted`: rounded down, and what is left goes to the largest remainders.
-fn in_whole_numbers(shares: &[(f64, u32)], wanted: u32) -> Vec<(u32, u16)> {
-    let sum: f64 = shares.iter().map(|share| share.0).sum();
-    if sum <= 0.0 {
-        return Vec::new();
-    }
-    let exact: Vec<f64> = shares.iter().map(|share| share.0 / sum * f64::from(wanted)).collect();
-    let mut whole: Vec<u32> = exact.iter().map(|x| *x as u32).collect();
-    let mut order: Vec<usize> = (0..shares.len()).collect();
-    order.sort_by(|&a, &b| (exact[b] - exact[b].floor()).total_cmp(&(exact[a] - exact[a].floor())));
-    let left = wanted.saturating_sub(whole.iter().sum());
-    order.iter().cycle().take(left as usize).for_each(|&k| whole[k] += 1);
-    let pairs = shares.iter().zip(whole).map(|(share, weight)| (share.1, weight.min(u32::from(u16::MAX)) as u16));
-    pairs.filter(|(_, weight)| *weight > 0).collect()
 }

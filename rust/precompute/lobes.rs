@@ -117,6 +117,11 @@ impl Lobes {
         Ok(Lobes { models, of_row, eyes, half_widths, turns })
     }
 
+    /// By which a row's tangent is turned out of the frame of its normal, where it is.
+    pub(super) fn turn(&self, row: usize) -> Option<[f32; 2]> {
+        self.turns.get(row).copied()
+    }
+
     /// What texel columns are made of: None where no row has a lobe, or one has a factor or a measured one, whose tables are
     /// not kept, or a tangent of its own.
     pub fn of_texels(&self) -> Option<lobes::Lobes> {
@@ -141,11 +146,22 @@ impl Lobes {
         self.of_row.get(row).is_some_and(|&own| own != DIFFUSE)
     }
 
+    /// The factors among the models, each by its number.
+    pub(super) fn factors(&self) -> impl Iterator<Item = Option<&Factor>> {
+        self.models.iter().map(|shape| if let Shape::Factor(factor) = shape { Some(&**factor) } else { None })
+    }
+
+    /// The number of a row's model, where that is a factor.
+    pub(super) fn factor_of(&self, row: usize) -> Option<usize> {
+        let model = usize::from(*self.of_row.get(row)?);
+        matches!(self.models.get(model)?, Shape::Factor(_)).then_some(model)
+    }
+
     /// The lobe of a row with this normal; None of a diffuse one.
     pub fn of(&self, row: usize, normal: [f32; 3]) -> Option<Lobe<'_>> {
         let model = usize::from(*self.of_row.get(row).filter(|&&own| own != DIFFUSE)?);
         let own = RowLobe { model, normal, eye: self.eyes[row], half_width: self.half_widths[row] };
-        Some(Lobe::new(&self.models[model], &own, self.turns.get(row).copied()))
+        Some(Lobe::new(&self.models[model], &own, self.turn(row)))
     }
 }
 
@@ -187,10 +203,10 @@ impl LobeModels for Models {
 
 /// The frame of a surface point: tangent, bitangent, normal.
 #[derive(Clone, Copy)]
-struct Local([[f64; 3]; 3]);
+pub(super) struct Local([[f64; 3]; 3]);
 
 impl Local {
-    fn new(normal: [f32; 3], turn: Option<[f32; 2]>) -> Self {
+    pub fn new(normal: [f32; 3], turn: Option<[f32; 2]>) -> Self {
         let normal = normal.map(f64::from);
         let [tangent, bitangent] = frame(normal);
         let Some([cos, sin]) = turn.map(|turn| turn.map(f64::from)) else {
@@ -206,7 +222,7 @@ impl Local {
     }
 
     /// A direction of the frame in space.
-    fn world(&self, local: [f64; 3]) -> [f64; 3] {
+    pub fn world(&self, local: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|k| (0..3).map(|axis| local[axis] * self.0[axis][k]).sum())
     }
 }

@@ -407,7 +407,7 @@ impl Links {
     fn taken<'py>(&self, py: Python<'py>, light: PyReadonlyArray2<'py, f64>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let light = triples("a light of nodes", &light)?;
         let weights = &self.links.weights;
-        if weights.arrays().1.iter().any(|&node| node as usize >= light.len()) {
+        if weights.node_count() > light.len() {
             return Err(Error::input(format!("expected a light for every node's rows, got {}", light.len())).into());
         }
         let taken = (0..weights.rows()).map(|row| {

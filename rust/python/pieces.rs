@@ -43,7 +43,8 @@ pub(super) struct Link(pub(super) core::Link);
 
 #[pymethods]
 impl Link {
-    /// Receivers take from nodes: starts (rows + 1,) and nodes (n,) uint32, weights (n,) uint16 times 2^exponent.
+    /// Receivers take from nodes: starts (rows + 1,) and nodes (n,) uint32, weights (n,) uint16 times 2^exponent. The
+    /// highest bit of a node's number is the sign of its weight.
     #[staticmethod]
     #[pyo3(signature = (starts, nodes, weights, *, exponent, node_count))]
     fn weights(

@@ -145,7 +145,7 @@ impl Product {
                 expect(found == rows, format!("expected weights for {rows} rows, got {found}"))?;
                 // All nodes that the weights name are rows of the second matrix.
                 let nodes = self.first.0[1].rows;
-                let most = weights.arrays().1.iter().max().map_or(0, |&node| node as usize + 1);
+                let most = weights.node_count();
                 return expect(most <= nodes, format!("expected weights of at most {nodes} nodes, got {most}"));
             }
             (Link::Tree(tree), Some(then)) => {

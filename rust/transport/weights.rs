@@ -1,4 +1,4 @@
-//! Weights by which receivers take from nodes: sparse, never negative, and few a row.
+//! Weights by which receivers take from nodes: sparse, and few a row. Those of factors of lobes are of either sign.
 //!
 //! ```text
 //!     B_x = T_x V + sum_n w_xn (I_n V)
@@ -11,15 +11,32 @@ use crate::error::{Error, Result};
 
 use super::slab::Slab;
 
+/// In the number of a node: its weight is negative.
+pub const NEGATIVE: u32 = 1 << 31;
+
+/// The node that a number names, whatever the sign of its weight.
+#[inline(always)]
+pub fn named(number: u32) -> usize {
+    (number & !NEGATIVE) as usize
+}
+
+/// A weight with the sign that the number of its node gives it.
+#[inline(always)]
+pub fn signed(number: u32, weight: u16) -> f64 {
+    // PERF: the highest bit becomes that of the f64, without a branch.
+    f64::from_bits(f64::from(weight).to_bits() ^ (u64::from(number & NEGATIVE) << 32))
+}
+
 /// `rows` x `nodes` weights, row by row: integers times 2^exponent.
 #[derive(Clone)]
 pub struct Weights {
     /// Those of row x are `starts[x]..starts[x + 1]`.
     starts: Slab<u32>,
+    /// With `NEGATIVE` where the weight is.
     nodes: Slab<u32>,
     weights: Slab<u16>,
     exponent: i32,
-    /// The largest sum of a row.
+    /// The largest sum of the magnitudes of a row.
     largest_sum: f64,
 }
 
@@ -44,7 +61,7 @@ impl Weights {
             let (nodes, weights) = (nodes.len(), weights.len());
             return Err(Error::input(format!("expected a node for each of {weights} weights, got {nodes}")));
         }
-        if let Some(node) = nodes.iter().find(|&&node| node as usize >= node_count) {
+        if let Some(node) = nodes.iter().map(|&number| named(number)).find(|&node| node >= node_count) {
             return Err(Error::input(format!("expected nodes below {node_count}, found {node}")));
         }
         if !Self::EXPONENTS.contains(&exponent) {
@@ -81,10 +98,20 @@ impl Weights {
         let range = self.starts[row] as usize..self.starts[row + 1] as usize;
         let unit = self.unit();
         let pairs = self.nodes[range.clone()].iter().zip(&self.weights[range]);
-        pairs.map(move |(&node, &weight)| (node as usize, f64::from(weight) * unit))
+        pairs.map(move |(&number, &weight)| (named(number), signed(number, weight) * unit))
     }
 
-    /// The largest sum of a row.
+    /// Whether any is negative.
+    pub fn any_negative(&self) -> bool {
+        self.nodes.iter().any(|number| number & NEGATIVE != 0)
+    }
+
+    /// The least number that is above those of all nodes.
+    pub fn node_count(&self) -> usize {
+        self.nodes.iter().map(|&number| named(number) + 1).max().unwrap_or(0)
+    }
+
+    /// The largest sum of the magnitudes of a row.
     pub fn largest_sum(&self) -> f64 {
         self.largest_sum
     }

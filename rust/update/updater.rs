@@ -351,7 +351,7 @@ impl Updater {
         match (&self.chain.product.link, &self.mix) {
             (Link::Weights(weights), _) => finish_bounds(shown, out, |row, add| {
                 add(of[0][row], 1.0);
-                weights.row(row).for_each(|(node, weight)| add(of[1][node], weight));
+                weights.row(row).for_each(|(node, weight)| add(of[1][node], weight.abs()));
             }),
             (_, Some(mix)) => finish_bounds(shown, out, |row, add| {
                 of.iter().zip(mix.row(row)).for_each(|(of, weight)| add(of[row], f64::from(weight.abs())));

@@ -132,12 +132,13 @@ def factors(columns, rng) -> Form:
 
 
 def nodes(columns, rng) -> Form:
-    """Receivers of one channel that take from nodes of three."""
+    """Receivers of one channel that take from nodes of three, by weights of either sign."""
     M, N = dense(rng, columns.columns), dense(rng, columns.columns, 20, 3)
-    W = (rng.integers(0, 256, (ROWS, 20)) * (rng.random((ROWS, 20)) < 0.2)).astype(np.uint16)
+    W = rng.integers(-255, 256, (ROWS, 20)) * (rng.random((ROWS, 20)) < 0.2)
     row, node = np.nonzero(W)
     starts = np.searchsorted(row, np.arange(ROWS + 1)).astype(np.uint32)
-    link = _core.Link.weights(starts, node.astype(np.uint32), W[row, node], exponent=-8, node_count=20)
+    amounts, node = np.abs(W[row, node]).astype(np.uint16), (node | (W[row, node] < 0) << 31).astype(np.uint32)
+    link = _core.Link.weights(starts, node, amounts, exponent=-8, node_count=20)
     transport = dl.Transport(_core.Transport.join([stored(M, columns), stored(N, columns, width="i8")], link))
     return Form(transport, lambda V: M @ V + W / 256 @ np.einsum("rcx,cx->rx", N, V))
 

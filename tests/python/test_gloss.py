@@ -12,7 +12,7 @@ from deltalux import _core, brdf
 from deltalux.precomputation.between import between, linked
 from deltalux.precomputation.factoring import MOST, factored
 from deltalux.precomputation.preparation import Prepared, Request
-from deltalux.transport.gloss import Gloss
+from deltalux.transport.gloss import Gloss, looked_up
 from forms import texel_areas
 
 MODELS = {
@@ -297,8 +297,6 @@ def test_a_measured_material_has_three_rows(tmp_path):
     np.testing.assert_allclose(picture[order], expected, rtol=0.02)
     with pytest.raises(ValueError, match="keeps its scene"):
         _ = transport.surface
-    with pytest.raises(ValueError, match="a material is measured"):
-        made(tmp_path / "v.transport", tile(dl.Material(0.9, 0.8, model)), receivers="vertices")
 
 
 def test_a_million_frames_leave_the_bits_of_a_fresh_product(tmp_path):
@@ -424,6 +422,42 @@ def test_a_view_alone_changes_no_response(tmp_path):
     transport.save_colours(tmp_path / "a.glb", frame.values)
 
 
+@pytest.mark.skipif(not RGL.exists(), reason="needs a measured material")
+def test_a_measured_material_is_seen_by_factors_of_three_colours(tmp_path):
+    """All factors are the lobe, but for what its left and its right differ by; the picture is that of pixels; the file
+    keeps the factors, and not the table."""
+    model = brdf.Measured.load(RGL)
+    many = factored(model, 300)
+    rings, columns = many.light.shape[1:]
+    (i, o), (a, b) = (np.random.default_rng(1).integers(0, most, (2, 300)) for most in (rings, columns))
+
+    def way(ring: np.ndarray, turn: np.ndarray) -> np.ndarray:
+        theta, phi = np.pi / 2 * (ring + 0.5) / rings, 2 * np.pi * (turn + 0.5) / columns
+        return np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], -1)
+
+    exact = 0.5 * sum(model.evaluate(way(i, x), way(o, y)) for x, y in ((a, b), (b, a))) * way(i, a)[:, 2:]
+    found = np.einsum("kp,kpc->pc", many.light[:, i, a], many.eye[:, o, b])
+    assert np.linalg.norm(found - exact) < max(0.02, 2 * many.left[many.count]) * np.linalg.norm(exact)
+
+    scene = quad(brdf.Phong(20), cells=2).with_material(0, dl.Material(0.9, 0.8, model))
+    transport = made(tmp_path / "v.transport", scene, receivers="vertices", columns="haar:16")
+    count = transport.factors
+    assert 2 <= count <= MOST and len(transport.receivers) == 18 * (1 + count)
+    env = dl.Environment.builtin("hall")
+    B = transport.multiply(transport.coefficients(env))
+    pixels = made(tmp_path / "p.transport", scene, columns="haar:16")
+    theirs, ours = pixels.image(pixels.multiply(pixels.coefficients(env))), transport.render(scene.camera, B)
+    assert np.linalg.norm(ours - theirs) < 0.05 * np.linalg.norm(theirs)
+    assert transport.surface.models == (None,) and transport.surface.albedo.max() == 0
+
+
+def test_a_measured_material_that_differs_as_it_turns_is_refused_at_vertices(monkeypatch):
+    monkeypatch.setattr("deltalux.precomputation.factoring.Measured", brdf.Ward)
+    monkeypatch.setattr(brdf.Ward, "evaluate", lambda self, wi, wo: np.ones((*np.shape(wi)[:-1], 3)) * wi[..., :1] ** 2)
+    with pytest.raises(ValueError, match="isotropic measured material for vertices"):
+        factored(brdf.Ward(0.3, 0.5), 4)
+
+
 @pytest.mark.parametrize("factors", ["some", 0, -1, 1.5])
 def test_numbers_of_factors_are_checked(tmp_path, factors):
     with pytest.raises(ValueError, match="factor"):
@@ -474,3 +508,84 @@ def test_what_a_lobe_takes_from_nodes_is_its_albedo(tmp_path):
     wo = np.einsum("rk,rk->r", way / np.linalg.norm(way, axis=1, keepdims=True), table.normal[100:])
     expected = model.albedo(np.stack([np.sqrt(1 - wo**2), 0 * wo, wo], -1))
     assert abs(taken.mean() / expected.mean() - 1) < 0.02
+
+
+def hall_of(model, closed: bool = True) -> dl.Scene:
+    """A box over a `quad`, which is its floor."""
+    floor = quad(model)
+    x = np.array([[i, j, k] for i in (-1, 1) for j in (0, 2) for k in (-1, 1)], float)
+    walls = [(0, 1, 3, 2), (4, 5, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5), (2, 3, 7, 6)][: 5 if closed else 4]
+    triangles = np.array([t for a, b, c, d in walls for t in ((a, b, c), (a, c, d))]) + len(floor.vertices)
+    return dl.Scene.from_arrays(
+        np.concatenate([floor.vertices, x]),
+        np.concatenate([floor.triangles, triangles]),
+        camera=replace(floor.camera, position=(0.3, 1.2, 0.8)),
+        materials=[dl.Material(0.2, 0.7, model), dl.Material((0.7, 0.3, 0.2))],
+        material=[0] * len(floor.triangles) + [1] * len(triangles),
+    )
+
+
+@pytest.mark.parametrize(("model", "by_links", "in_all"), [(brdf.GGX(0.25), 0.05, 0.06), (brdf.Phong(20), 0.07, 0.11)])
+def test_factors_reflect_a_coloured_box(model, by_links, in_all):
+    """Nodes shine by a given function of their place, which jumps from wall to wall. Against quadrature: what links
+    leave of the factors, and what they leave with those of the lobe itself, in five directions."""
+    prepared = Prepared(
+        hall_of(model), Request("haar:4", "preview", receivers="vertices", between=between(1, 1e-3, "auto"))
+    )
+    sources = prepared.between.sources(lambda done: None)
+    links = linked(sources, prepared.core, prepared.rows, prepared.settings, lambda done: None)
+
+    def shine(place: np.ndarray) -> np.ndarray:
+        wall = np.where(place[:, :1] < -0.999, [1.0, 0.1, 0.1], np.where(place[:, :1] > 0.999, [0.1, 0.5, 0.1], 0.5))
+        return wall * (1 + 0.5 * np.sin(3 * place[:, 1:2] + 2 * place[:, 2:]))
+
+    place = sources.kept()[:, :3]
+    low, high = place.min(axis=0), place.max(axis=0)
+    radiosity = shine((2 * place - low - high) / (high - low).max() + [0, 1, 0])
+    taken = links.taken(np.concatenate([np.zeros_like(radiosity), radiosity]))
+    rows, factors = prepared.rows, prepared.factored[0]
+    table = rows.table(prepared.albedo(), np.zeros(len(rows), np.uint16))
+
+    # 200 x 400 directions that stand for as much each.
+    up, turn = np.meshgrid((np.arange(200) + 0.5) / 200, 2 * np.pi * (np.arange(400) + 0.5) / 400)
+    wi = np.stack([np.sqrt(1 - up**2) * np.cos(turn), np.sqrt(1 - up**2) * np.sin(turn), up], -1).reshape(-1, 3)
+    world, size = wi @ local(np.eye(3)).T, 2 * np.pi / len(wi)
+    eyes = np.array([[0.3, 0.2, 0.9], [-0.6, 0, 0.6], [0, 0.8, 0.4], [0.5, -0.5, 0.5], [0, 0, 1]])
+    eyes /= np.linalg.norm(eyes, axis=1, keepdims=True)
+    each = np.arange(factors.count)
+    g = np.stack([looked_up(factors.light, np.full(len(wi), k), wi) for k in each]) * size
+    h = np.stack([looked_up(factors.eye, each, np.tile(eye, (len(each), 1))) for eye in eyes])
+    lobe = np.stack([model.evaluate(wi, eye) for eye in eyes]) * wi[:, 2] * size
+    of_factors, of_lobe = [], []
+    inside = (np.abs(table.position[:, [0, 2]]) < 0.9).all(axis=1) & (table.normal[:, 1] > 0.9)
+    for vertex in np.flatnonzero(inside & (rows.lobe < 0))[::4]:
+        at, ends = table.position[vertex].astype(np.float64), np.where(world > 0, [1, 2, 1], [-1, 0, -1])
+        light = shine(at + world * np.min((ends - at) / world, axis=1)[:, None])
+        own = np.flatnonzero((rows.base == vertex) & (rows.lobe >= 0))
+        np.testing.assert_array_equal(rows.lobe[own], each)
+        of_factors.append((taken[own], g @ light))
+        of_lobe.append((h @ taken[own], lobe @ light))
+    for pairs, most in ((of_factors, by_links), (of_lobe, in_all)):
+        found, exact = np.swapaxes(pairs, 0, 1)
+        assert np.linalg.norm(found - exact) < most * np.linalg.norm(exact)
+
+
+def test_reflections_at_vertices_are_followed_exactly(tmp_path):
+    """Rows take by weights of either sign: the bits of a fresh product after any frames, and within the bound."""
+    scene = hall_of(brdf.Phong(20), closed=False)
+    options = {"receivers": "vertices", "factors": 4, "columns": "haar:4", "quality": "preview"}
+    transport = made(tmp_path / "a.transport", scene, bounces=1, **options)
+    assert transport._core.version == [4, 0] and "weights of either sign" in str(transport.plan)
+    env = dl.Environment.builtin("hall")
+    relighter = dl.Relighter(transport, dl.PerBand(terms=5))
+    for degrees in range(0, 200, 20):
+        frame = relighter.step(env.rotated(degrees))
+        np.testing.assert_array_equal(frame.values, transport.multiply(relighter.values))
+        exact = transport.multiply(transport.coefficients(env.rotated(degrees)))
+        assert (np.abs(frame.values - exact) <= relighter.bounds(frame)).all()
+    # The walls are red, and so is what the floor reflects of them.
+    direct = made(tmp_path / "b.transport", scene, **options)
+    lobe = np.arange(len(frame.values)) >= transport._views._gloss.first
+    V = transport.coefficients(dl.Environment.from_cubemap(np.ones((6, 4, 4, 3), np.float32)))
+    red, green, _ = np.abs(transport.multiply(V) - direct.multiply(V))[lobe].sum(axis=0)
+    assert red > 1.8 * green > 0

@@ -9,6 +9,7 @@ use _core::error::Error;
 use _core::precompute::models;
 use _core::transport::file::manifest::{FileEntry, MANIFEST, TILES_PER_SHARD};
 use _core::transport::file::versions::read_manifest;
+use _core::transport::weights::NEGATIVE;
 use _core::transport::{
     Array, Audit, Beside, Channels, Dense, Description, Link, Numbers, Opened, Part, ReceiverKind, ReceiverTable, Slab,
     TransportMatrix, Values, Weights, Width, Writer, open,
@@ -384,7 +385,7 @@ fn hostile_manifests_are_refused_with_a_reason() {
     let text = fs::read_to_string(path.join(MANIFEST)).unwrap();
     let cases = [
         ("\"deltalux.transport\"", "\"something.else\"", "format"),
-        ("2,\n    1", "4,\n    0", "version 4"),
+        ("2,\n    1", "5,\n    0", "version 5"),
         ("2,\n    1", "3,\n    0", "\"models\" is missing"),
         ("\"rows\": 170", "\"rows\": 18446744073709551615", "rows"),
         ("\"rows\": 170", "\"rows\": 4294967295", "expected 33554433 files"),
@@ -536,7 +537,7 @@ fn chains_are_read_as_they_were_written() {
     let nodes = matrix(haar, 20, three, 2, Width::I16);
     let weights = Weights::new(
         (0..=40u32).collect::<Vec<_>>().into(),
-        (0..40u32).map(|k| k % 20).collect::<Vec<_>>().into(),
+        (0..40u32).map(|k| (k % 20) | ((k % 3 / 2) * NEGATIVE)).collect::<Vec<_>>().into(),
         vec![128u16; 40].into(),
         -8,
         20,
@@ -590,6 +591,7 @@ fn chains_are_read_as_they_were_written() {
             (Link::None, Link::None) => {}
             _ => panic!("{name}: another link"),
         }
+        assert_eq!(manifest.version, if name == "weights" { [4, 0] } else { [2, 1] });
         assert_eq!(manifest.receivers.kind, table.kind.name());
         assert_eq!(receivers.kind.name(), table.kind.name());
         assert_eq!(&receivers.position[..], &table.position[..]);

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use _core::basis::cubemap::{solid_angles, texel_direction};
 use _core::basis::{ColumnSpace, HaarTree};
 use _core::transport::lobes::DIFFUSE;
+use _core::transport::weights::NEGATIVE;
 use _core::transport::{
     Channels, Dense, Factors, Link, LobeModels, Lobes, Product, RowLobe, RowNorms, TransportMatrix, Weights, Width,
     bf16_up,
@@ -69,7 +70,8 @@ const FORMS: &[(&str, Make)] = &[
         let direct = Arc::new(matrix(space, ROWS, Channels::One, 7, Width::I8));
         let nodes = Arc::new(matrix(space, 20, Channels::Three, 8, Width::I8));
         let starts: Vec<u32> = (0..=ROWS as u32).map(|row| 2 * row).collect();
-        let named: Vec<u32> = (0..2 * ROWS as u32).map(|k| k * 7 % 20).collect();
+        // Every third weight is negative.
+        let named: Vec<u32> = (0..2 * ROWS as u32).map(|k| (k * 7 % 20) | ((k % 3 / 2) * NEGATIVE)).collect();
         let amounts: Vec<u16> = (0..2 * ROWS as u16).map(|k| k * 37 % 200).collect();
         let weights = Weights::new(starts.into(), named.into(), amounts.into(), -8, 20).unwrap();
         let link = Link::Weights(Arc::new(weights.clone()));

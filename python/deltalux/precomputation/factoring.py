@@ -3,7 +3,8 @@
     f(wi, wo) cos theta_i = sum_k g_k(wi) h_k(wo)        (Overbeck 2006, eq. 7.1)
 
 The h_k are orthonormal over the hemisphere, and the best for light with the spectrum of natural scenes (power
-1 / (l (l + 1)) a harmonic): those in which the lobe, multiplied by such light, is largest.
+1 / (l (l + 1)) a harmonic): those in which the lobe, multiplied by such light, is largest. A measured lobe has three
+colours: its g_k serve all of them, and its h_k have one more axis.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ import numpy as np
 from numpy.polynomial.legendre import legval
 from numpy.typing import NDArray
 
-from ..brdf import Model
+from ..brdf import Measured, Model
+from ..surface.material import Lobe
 
 __all__ = ["MOST", "Factored", "factored"]
 
@@ -38,7 +40,7 @@ class Factored:
     ----------
     light, eye
         (factors, rings, columns) float32: g_k and h_k at the middles of cells of equal angles, in the frame of the
-        surface.
+        surface; of a measured lobe h_k has a last axis of three colours.
     left
         Of all numbers of factors from 0 on: the share of the lobe's light that they leave, relative L2 in the mean over
         natural light and all eyes.
@@ -54,25 +56,33 @@ class Factored:
         return len(self.light)
 
 
-def factored(model: Model, factors: int | str) -> Factored:
+def factored(model: Lobe, factors: int | str) -> Factored:
     """Factors of a lobe.
 
     Parameters
     ----------
     model
-        The lobe.
+        The lobe. Of a measured one what differs between left and right is taken for noise, and its mean.
     factors
         "auto": as few as leave a tenth, at most `MOST`; or how many.
 
     Returns
     -------
     Factored
+
+    Raises
+    ------
+    ValueError
+        If a measured lobe is anisotropic.
     """
     half_width = _half_width(model)
     rings = int(np.clip(np.ceil(np.pi / half_width), _RINGS, _FINEST))
-    turns = _turns(model)
-    if turns:
+    if _turns(model):
         energies, light, eye = _by_frequency(model, rings)
+    elif isinstance(model, Measured):
+        raise ValueError(
+            "expected an isotropic measured material for vertices, but this one differs as it turns: take pixels"
+        )
     else:
         energies, light, eye = _dense(model, min(rings, _DENSE))
     order = np.argsort(-energies, kind="stable")
@@ -85,29 +95,31 @@ def factored(model: Model, factors: int | str) -> Factored:
     chosen = order[:count]
     g, h = light(chosen), eye(chosen)
     flat = h.reshape(count, -1)
-    sign = np.sign(flat[np.arange(count), np.abs(flat).argmax(axis=1)])[:, None, None]
-    return Factored((sign * g).astype(np.float32), (sign * h).astype(np.float32), left)
+    sign = np.sign(flat[np.arange(count), np.abs(flat).argmax(axis=1)])
+    g, h = ((sign * table.T).T.astype(np.float32, order="C") for table in (g, h))
+    return Factored(g, h if isinstance(model, Measured) else h[..., 0], left)
 
 
-def _values(model: Model, wi: NDArray[np.float64], wo: NDArray[np.float64]) -> NDArray[np.float64]:
-    """f cos."""
-    return model.evaluate(wi, wo) * wi[..., 2]
+def _values(model: Lobe, wi: NDArray[np.float64], wo: NDArray[np.float64]) -> NDArray[np.float64]:
+    """f cos, with a last axis of colours: three of a measured lobe, else one."""
+    f = model.evaluate(wi, wo)
+    return (f if isinstance(model, Measured) else f[..., None]) * wi[..., 2:]
 
 
 def _directions(theta: NDArray[np.float64], phi: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack(np.broadcast_arrays(np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)), -1)
 
 
-def _half_width(model: Model) -> float:
+def _half_width(model: Lobe) -> float:
     """Of the lobe at 30 degrees, in its plane of incidence."""
     off = np.linspace(0, np.pi / 3, 2000)
     wi = _directions(np.radians(30.0) - off, np.array(np.pi))
-    values = _values(model, wi, _directions(np.radians(30.0), np.array(0.0))) / wi[:, 2]
+    values = _values(model, wi, _directions(np.radians(30.0), np.array(0.0))).mean(axis=-1) / wi[:, 2]
     below = np.flatnonzero(values < 0.5 * values[0])
     return float(off[below[0]]) if len(below) else np.pi / 3
 
 
-def _turns(model: Model) -> bool:
+def _turns(model: Lobe) -> bool:
     """Whether only the difference of azimuths counts."""
     rng = np.random.default_rng(1)
     theta, phi, turn = np.arccos(rng.random((2, 200))), rng.random((2, 200)) * 2 * np.pi, rng.random(200) * 2 * np.pi
@@ -134,7 +146,7 @@ def _prior(cosine: NDArray[np.float64], rings: int) -> NDArray[np.float64]:
 _Table = Callable[[NDArray[np.intp]], NDArray[np.float64]]
 
 
-def _by_frequency(model: Model, rings: int) -> tuple[NDArray[np.float64], _Table, _Table]:
+def _by_frequency(model: Lobe, rings: int) -> tuple[NDArray[np.float64], _Table, _Table]:
     """Each frequency of the azimuth by itself: blocks of rings x rings."""
     theta, phi, solid = _grid(rings)
     columns = len(phi)
@@ -145,24 +157,30 @@ def _by_frequency(model: Model, rings: int) -> tuple[NDArray[np.float64], _Table
     prior = _prior(np.clip((wi * wo).sum(-1), -1, 1), rings)
     # Even in the difference: their transforms are real.
     blocks, priors = (np.fft.rfft(kernel, axis=2).real for kernel in (lobe, prior))
-    root = np.sqrt(solid)
+    colours = lobe.shape[-1]
+    # Rings and colours of the eye are one axis.
+    root, whole = (np.repeat(own, colours) for own in (np.sqrt(solid), solid))
     energies, kept = [], []
     for m in range(blocks.shape[2]):
-        seen = solid[:, None] * blocks[:, :, m] * root
+        block = blocks[:, :, m].reshape(rings, -1)
+        seen = solid[:, None] * block * root
         values, vectors = np.linalg.eigh(seen.T @ priors[:, :, m] @ seen)
         alone = m == 0 or 2 * m == columns
         for value, vector in zip(values[::-1], vectors.T[::-1], strict=True):
             eta = vector / root
-            gamma = blocks[:, :, m] @ (solid * eta)
+            gamma = block @ (whole * eta)
             for shape in (np.cos,) if alone else (np.cos, np.sin):
                 wave = shape(m * phi) * np.sqrt((1 if alone else 2) / columns)
                 energies.append(max(value, 0.0))
-                kept.append((gamma, eta, wave))
+                kept.append((gamma, eta.reshape(rings, 1, colours), wave))
 
-    def table(which: int) -> _Table:
-        return lambda chosen: np.stack([kept[k][which][:, None] * kept[k][2] for k in chosen])
+    def light(chosen: NDArray[np.intp]) -> NDArray[np.float64]:
+        return np.stack([kept[k][0][:, None] * kept[k][2] for k in chosen])
 
-    return np.array(energies), table(0), table(1)
+    def eye(chosen: NDArray[np.intp]) -> NDArray[np.float64]:
+        return np.stack([kept[k][1] * kept[k][2][:, None] for k in chosen])
+
+    return np.array(energies), light, eye
 
 
 def _dense(model: Model, rings: int) -> tuple[NDArray[np.float64], _Table, _Table]:
@@ -170,7 +188,7 @@ def _dense(model: Model, rings: int) -> tuple[NDArray[np.float64], _Table, _Tabl
     theta, phi, solid = _grid(rings)
     at = _directions(theta[:, None], phi[None, :]).reshape(-1, 3)
     weights = np.repeat(solid, len(phi))
-    lobe = np.stack([_values(model, at, np.broadcast_to(eye, at.shape)) for eye in at], axis=1)
+    lobe = np.stack([_values(model, at, np.broadcast_to(eye, at.shape))[:, 0] for eye in at], axis=1)
     root = np.sqrt(weights)
     seen = weights[:, None] * lobe * root
     values, vectors = np.linalg.eigh(seen.T @ _prior(np.clip(at @ at.T, -1, 1), rings) @ seen)
@@ -178,7 +196,7 @@ def _dense(model: Model, rings: int) -> tuple[NDArray[np.float64], _Table, _Tabl
     shape = (-1, rings, len(phi))
 
     def eye(chosen: NDArray[np.intp]) -> NDArray[np.float64]:
-        return np.asarray(eta[:, chosen].T.reshape(shape))
+        return np.asarray(eta[:, chosen].T.reshape(*shape, 1))
 
     def light(chosen: NDArray[np.intp]) -> NDArray[np.float64]:
         return np.asarray((lobe @ (weights[:, None] * eta[:, chosen])).T.reshape(shape))

@@ -35,8 +35,9 @@ _SCATTER = 0.1
 # Of light between surfaces: rays and bytes of a receiver's links, different nodes met by a ray, cells of nodes that are
 # traced as one bundle, products where all bounces are asked, and multiply-adds of a thread in a second.
 _LINK_RAYS, _LINK_BYTES, _APART, _CELLS_A_BUNDLE, _ALL_PRODUCTS, _FLOPS = 70, 30, 0.3, 16, 20, 6e9
-# The same of a lobe, at most: four nodes around what each of its rays meets.
-_LOBE_RAYS, _LOBE_BYTES = 256, 6 * 4 * 256
+# The same of a lobe, at most: four nodes around what each of its rays meets; and bytes of a factor at a vertex, in a
+# closed box: those of one vertex share their rays.
+_LOBE_RAYS, _LOBE_BYTES, _FACTOR_BYTES = 256, 6 * 4 * 256, 360
 # A ray by itself, in rays of a fan.
 _A_SINGLE_RAY = 8.0
 # A plan is held to this on an idle machine (`benches/plan.py`).
@@ -151,6 +152,8 @@ def _nodes(prepared: Prepared, probe: _Probe) -> list[Part]:
         return []
     columns, nodes, bounces = parse(own.columns), len(own), own.bounces
     why = f"light between surfaces, of which receivers take from {own.why}"
+    if prepared.factored:
+        why += f"; factors of lobes take by {_LOBE_RAYS} rays a vertex, with weights of either sign"
     part = Part(
         name=NODES,
         make=NODES,
@@ -165,8 +168,10 @@ def _nodes(prepared: Prepared, probe: _Probe) -> list[Part]:
     )
     # Nodes that are known are neither traced nor solved.
     solved = nodes if own.rays else 0
-    lobes = int((prepared.rows.lobe >= 0).sum()) if prepared.request.receivers == "pixels" else 0
-    rays = solved * prepared.settings.node_rays**2 + prepared.count * _LINK_RAYS + lobes * _LOBE_RAYS
+    glossy = int((prepared.rows.lobe >= 0).sum())
+    # All factors of a vertex have the rays of one lobe.
+    lobes = int((prepared.rows.lobe == 0).sum()) if prepared.factored else glossy
+    rays = solved * prepared.settings.node_rays**2 + (prepared.count - glossy) * _LINK_RAYS + lobes * _LOBE_RAYS
     pairs = solved * prepared.settings.node_rays**2 * probe.hit_share * _APART
     products = bounces if bounces > 0 else _ALL_PRODUCTS
     solving = 2.0 * pairs * columns.columns * products * own.channels / (_FLOPS * used_threads())
@@ -177,7 +182,7 @@ def _nodes(prepared: Prepared, probe: _Probe) -> list[Part]:
     entry = entry_bytes(prepared.settings.width, own.channels)
     # Of each node its irradiance and its radiosity.
     matrix = 2 * nodes / GROUP * probe.survey.looked.entries_per_group * entry + prepared.count * _LINK_BYTES
-    matrix += lobes * _LOBE_BYTES
+    matrix += glossy * (_FACTOR_BYTES if prepared.factored else _LOBE_BYTES)
     cost = Cost(
         rays=rays + solved / _CELLS_A_BUNDLE * (probe.first_rays + probe.edge_rays),
         bytes_on_disk=matrix,
@@ -314,7 +319,7 @@ def _own_bytes(prepared: Prepared) -> float:
     """Of the picture, or of the corners of triangles; and of the scene, which is kept."""
     scene, camera = prepared.scene, prepared.scene.camera
     own = 4 * camera.width * camera.height if prepared.request.receivers == "pixels" else 12 * len(scene.triangles)
-    return own + sum(array.nbytes for array in scene.arrays().values())
+    return own + sum(array.nbytes for array in prepared.kept.arrays().values())
 
 
 def _left_out(prepared: Prepared, probe: _Probe, part: Part) -> list[LeftOut]:
@@ -332,8 +337,6 @@ def _left_out(prepared: Prepared, probe: _Probe, part: Part) -> list[LeftOut]:
         left_out.append(LeftOut("view factors", f"{view}{materials}"))
     if scene.models and not prepared.glossy:
         left_out.append(LeftOut(GLOSS, "not asked for"))
-    if prepared.factored and prepared.between is not None:
-        left_out.append(LeftOut("reflections of surfaces", "factors of a lobe may be negative, weights of nodes not"))
     if prepared.texels_left_out:
         left_out.append(LeftOut("texel columns", prepared.texels_left_out))
     if any(relief is not None for relief in scene.reliefs):

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from .._core import DirectPass, Emitters, Looked, Receivers
-from ..brdf import Measured, Model
+from ..brdf import Measured
 from ..checks import count
 from ..columns import Columns, Haar, parse
 from ..mistakes import near
@@ -112,7 +112,7 @@ class Prepared:
         self.columns = parse(columns) if isinstance(columns, str) else columns
         self.quality, self.settings = request.quality, _settings(request.quality, request.tolerance)
         check_request(scene)
-        _check_materials(scene, request)
+        _check_materials(scene)
         self.own_triangles = len(scene.triangles)
         if request.refine is not None:
             scene = refined(scene, float(request.refine), request.normals)
@@ -170,7 +170,7 @@ class Prepared:
         if not self.glossy:
             return rows
         for number, model in enumerate(scene.models):
-            if isinstance(model, Model):
+            if model is not None:
                 self.factored[number] = factored(model, self.request.factors)
         nothing = np.zeros((0, 1, 1), np.float32)
         tables = [
@@ -196,9 +196,9 @@ class Prepared:
         lobe, material = rows.lobe, scene.material[rows.triangle]
         if scene.specular is not None:
             for number, model in enumerate(scene.models):
-                of = lobe_colours(model)
-                if number in self.factored:
-                    of = of * self.factored[number].count
+                # Of factors the eye has the colours of a measured lobe.
+                own = self.factored.get(number)
+                of = [_ONE] * own.count if own else lobe_colours(model)
                 for place, colour in enumerate(of):
                     albedo[(material == number) & (lobe == place)] = scene.specular[number] * colour
                 if isinstance(model, Measured):
@@ -214,6 +214,19 @@ class Prepared:
             first = (lobe < 0) | ((lobe == 0) & ~np.isin(material, material[lobe < 0]))
             own[first] = scene.emission[material[first]]
         return own
+
+    @property
+    def kept(self) -> Scene:
+        """The scene as the transport keeps it: at vertices, which it shows, factors stand for the tables of measured
+        materials."""
+        scene = self.scene
+        measured = [isinstance(model, Measured) for model in scene.models]
+        if self.request.receivers == "pixels" or not any(measured):
+            return scene
+        models = tuple(None if isinstance(model, Measured) else model for model in scene.models)
+        # A measured material holds all that it reflects.
+        albedo = np.where(np.array(measured)[:, None], np.float32(0), scene.albedo)
+        return replace(scene, models=models, albedo=albedo)
 
     def beside(self) -> dict[str, np.ndarray]:
         """What shows vertices: the rows of triangles; and of glossy ones, what the eye makes of factors."""
@@ -277,12 +290,10 @@ class Prepared:
 _MOST_MATERIALS = 65_535
 
 
-def _check_materials(scene: Scene, request: Request) -> None:
-    """Refuses what rows cannot tell apart, and what vertices cannot show."""
+def _check_materials(scene: Scene) -> None:
+    """Refuses what rows cannot tell apart."""
     if len(scene.albedo) > _MOST_MATERIALS:
         raise ValueError(f"expected at most {_MOST_MATERIALS:,} materials, got {len(scene.albedo):,}")
-    if request.receivers == "vertices" and any(isinstance(model, Measured) for model in scene.models):
-        raise ValueError("expected models of lobes for vertices, but a material is measured: take pixels, or a model")
 
 
 _ONE = np.ones(3, np.float32)

@@ -128,8 +128,8 @@ def precompute(
     gloss
         Whether materials with a lobe have rows for it, as the camera sees them (without them it is black to the eye,
         but reflects between surfaces as if it were diffuse). What they reflect of other surfaces takes bounces, and is
-        as sharp as the nodes. At vertices, which are seen from anywhere, lobes are sums of factors, and reflect the
-        environment alone; there, and where a material is measured, columns are without texels.
+        as sharp as the nodes. At vertices, which are seen from anywhere, lobes are sums of factors; there, and where a
+        material is measured, columns are without texels.
     factors
         Of a lobe at vertices: "auto", as few as leave a tenth of it under natural light, at most 24, or how many. The
         plan says what they leave.
@@ -377,14 +377,15 @@ class _Run:
             scene.material[rows.triangle].astype(np.uint16),
             self.prepared.texels,
         )
-        arrays = scene.arrays()
+        kept = self.prepared.kept
+        arrays = kept.arrays()
         arrays |= self.prepared.beside() if arrays else {}
         self.writer.finish(
             parts=self.parts,
             receivers=table,
             camera=json.dumps(asdict(scene.camera)),
             plan=plan.done(self.notes, self.survey.errors, self.survey.without, self.solve).to_json(),
-            scene=scene.content_hash(),
+            scene=kept.content_hash(),
             first=len(self.parts),
             link=None if self.links is None else self.links.link,
             audit=(looked.groups, looked.audit) if len(looked.groups) else None,

@@ -1,6 +1,8 @@
 """Glossy vertices seen from anywhere: what an eye makes of the responses of a lobe's factors.
 
 B(v, wo) = sum_k h_k(wo) B_k(v)        (Overbeck 2006, eq. 7.2)
+
+Of a measured lobe h_k has three colours.
 """
 
 from __future__ import annotations
@@ -31,7 +33,8 @@ class Gloss:
     material
         (factor rows,) its material.
     eyes
-        By material: (factors, rings, columns) float32, h_k at the middles of cells of equal angles.
+        By material: (factors, rings, columns) float32, h_k at the middles of cells of equal angles; of measured ones
+        with a last axis of three colours.
     position, normal
         (factor rows, 3) of the vertices.
     """
@@ -70,8 +73,9 @@ class Gloss:
             int(name[4:]): table for name, table in arrays.items() if name.startswith("eye.") and name[4:].isdecimal()
         }
         for table in eyes.values():
-            if table.dtype != np.float32 or table.ndim != 3 or table.size == 0 or not np.isfinite(table).all():
-                raise ValueError("expected eyes of float32, finite, with three axes")
+            whole = table.dtype == np.float32 and table.size > 0 and bool(np.isfinite(table).all())
+            if not whole or (table.ndim != 3 and table.shape[3:] != (3,)):
+                raise ValueError("expected eyes of float32, finite, with three axes, or one more of three colours")
         own, numbers = factor[behind].astype(np.intp), material[behind].astype(np.intp)
         counts = np.array([len(eyes.get(number, ())) for number in range(int(numbers.max(initial=0)) + 1)])
         if base[behind].max(initial=0) >= max(first, 1) or (own >= counts[numbers]).any():
@@ -88,22 +92,23 @@ class Gloss:
         )
 
     def mix(self, camera: Camera) -> NDArray[np.float32]:
-        """h_k towards a camera, for every row of a factor: (factor rows,); 0 from behind."""
+        """h_k towards a camera, for every row of a factor and colour: (factor rows, 3); 0 from behind."""
         way = np.asarray(camera.position) - self.position.astype(np.float64)
         way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-300)
         local = _local(way, self.normal.astype(np.float64))
         if self.turn is not None:
             (x, y), (cosine, sine) = local.T[:2], self.turn.T
             local[:, :2] = np.stack([cosine * x + sine * y, cosine * y - sine * x], -1)
-        mix = np.zeros(len(self.base), np.float32)
+        mix = np.zeros((len(self.base), 3), np.float32)
         for number, tables in self.eyes.items():
             own = np.flatnonzero((self.material == number) & (local[:, 2] > 0))
-            mix[own] = looked_up(tables, self.factor[own], local[own])
+            seen = looked_up(tables, self.factor[own], local[own])
+            mix[own] = seen if tables.ndim == 4 else seen[:, None]
         return mix
 
     def seen(self, B: NDArray[np.float32], mix: NDArray[np.float32]) -> NDArray[np.float32]:
         """The glossy light of all vertices: (vertices, 3)."""
-        lit = mix[:, None] * B[self.first :]
+        lit = mix * B[self.first :]
         return np.stack([np.bincount(self.base, lit[:, k], self.first) for k in range(3)], -1).astype(np.float32)
 
 
@@ -121,13 +126,13 @@ def _local(way: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.
 def looked_up(
     tables: NDArray[np.float32], which: NDArray[np.intp], directions: NDArray[np.float64]
 ) -> NDArray[np.float32]:
-    """Tables of factors, (factors, rings, columns), at directions of the surface's frame, linear between the middles of
-    their cells; `which`: the factor of each direction."""
-    _, rings, columns = tables.shape
+    """Tables of factors, (factors, rings, columns) or with colours behind, at directions of the surface's frame, linear
+    between the middles of their cells; `which`: the factor of each direction."""
+    rings, columns = tables.shape[1:3]
     ring = np.clip(np.arccos(np.clip(directions[:, 2], 0, 1)) / (np.pi / 2) * rings - 0.5, 0, rings - 1)
     turn = np.arctan2(directions[:, 1], directions[:, 0]) % (2 * np.pi) / (2 * np.pi) * columns - 0.5
     low, left = np.floor(ring).astype(np.intp), np.floor(turn).astype(np.intp)
-    down, right = ring - low, turn - left
+    down, right = (part.reshape(-1, *[1] * (tables.ndim - 3)) for part in (ring - low, turn - left))
     high = np.minimum(low + 1, rings - 1)
 
     def row(at: NDArray[np.intp]) -> NDArray[np.float64]:

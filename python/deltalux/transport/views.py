@@ -113,7 +113,7 @@ class Views:
             table = rows.table(
                 self._surface.albedo_at(rows.triangle, rows.barycentric, camera), material.astype(np.uint16)
             )
-            shine, mix = None, np.zeros(0, np.float32)
+            shine, mix = None, np.zeros((0, 3), np.float32)
             if self._gloss is not None and self._surface.specular is not None:
                 shine = rows.table(self._surface.specular[material], material.astype(np.uint16))
                 mix = self._gloss.mix(camera)

@@ -22,6 +22,9 @@ pub const MINOR: u32 = 1;
 /// The major version of files whose texel columns are made of lobes, which readers of `MAJOR` would take for cosines: all
 /// else in them is as there.
 pub const LOBED: u32 = 3;
+/// The major version of files in which weights of nodes may be negative, whose nodes readers of `MAJOR` would refuse: all else
+/// in them is as there.
+pub const SIGNED: u32 = 4;
 /// The file that is written last and read first.
 pub const MANIFEST: &str = "manifest.json";
 /// The file of what each row is.

@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 
 use super::manifest::{
     ChainEntry, FIRST, FORMAT, FileEntry, LOBED, MAJOR, MANIFEST, MAX_MANIFEST, Manifest, PartEntry, Preamble,
-    ReceiversEntry, read_small,
+    ReceiversEntry, SIGNED, read_small,
 };
 
 /// Reads `manifest.json` of a directory and checks all that can be checked without the other files.
@@ -23,10 +23,10 @@ pub fn read_manifest(directory: &Path) -> Result<Manifest> {
         return Err(Error::file(&path, format!("expected the format {FORMAT:?}, found {found:?}")));
     }
     let manifest = match preamble.version[0] {
-        MAJOR | LOBED => serde_json::from_slice(&text),
+        MAJOR | LOBED | SIGNED => serde_json::from_slice(&text),
         FIRST => serde_json::from_slice::<Version1>(&text).map(Manifest::from),
         found => {
-            let what = format!("expected version {FIRST} to {LOBED} of the format, found version {found}");
+            let what = format!("expected version {FIRST} to {SIGNED} of the format, found version {found}");
             return Err(Error::file(&path, what));
         }
     };

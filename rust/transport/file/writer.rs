@@ -19,7 +19,7 @@ use super::beside::{self, Beside};
 use super::link;
 use super::manifest::{
     AUDIT, FORMAT, FileEntry, LINK, LOBED, MAJOR, MANIFEST, MINOR, Manifest, PartEntry, RECEIVERS, ReceiversEntry,
-    TILES_PER_SHARD, is_part_name, read_small, shard_name,
+    SIGNED, TILES_PER_SHARD, is_part_name, read_small, shard_name,
 };
 use super::open::{self, Audit};
 use super::receivers;
@@ -214,12 +214,21 @@ impl Description {
             ReceiverKind::Pixels { image, .. } => Some(*image),
             ReceiverKind::Vertices { .. } | ReceiverKind::Gather { .. } => None,
         };
+        let signed = matches!(&self.link, Link::Weights(weights) if weights.any_negative());
+        let version = match (table.lobes.is_some(), signed) {
+            (true, true) => {
+                return Err(Error::input("expected weights of at least 0 where texel columns are of lobes"));
+            }
+            (true, false) => [LOBED, 0],
+            (false, true) => [SIGNED, 0],
+            (false, false) => [MAJOR, MINOR],
+        };
         let parts: Vec<PartEntry> = self.parts.iter().map(Part::entry).collect();
         parts.iter().try_for_each(PartEntry::check)?;
         let names: Vec<String> = parts.iter().map(|part| part.name.clone()).collect();
         Ok(Manifest {
             format: FORMAT.to_owned(),
-            version: if table.lobes.is_some() { [LOBED, 0] } else { [MAJOR, MINOR] },
+            version,
             parts,
             chain: link::entry(&names, self.first, &self.link),
             tiles_per_shard: TILES_PER_SHARD,

@@ -4,7 +4,8 @@
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::transport::{GROUP, TransportMatrix, Weights};
+use crate::transport::weights::{Weights, named, signed};
+use crate::transport::{GROUP, TransportMatrix};
 
 use super::kernel::Sums;
 use super::response::Response;
@@ -123,8 +124,8 @@ fn add_to_tile_any(first: usize, sums: &[Sums], weights: &Weights, values: &[[f6
         for (lane, row) in rows.chunks_exact_mut(3).enumerate() {
             let own = starts[first + lane] as usize..starts[first + lane + 1] as usize;
             let mut taken = [0.0; 4];
-            for (&node, &weight) in from[own.clone()].iter().zip(&by[own]) {
-                let (value, weight) = (&values[node as usize], f64::from(weight));
+            for (&number, &weight) in from[own.clone()].iter().zip(&by[own]) {
+                let (value, weight) = (&values[named(number)], signed(number, weight));
                 (0..4).for_each(|c| taken[c] += weight * value[c]);
             }
             (0..3).for_each(|c| row[c] = (sums.0[c][lane] + unit * taken[c]) as f32);
