@@ -45,6 +45,7 @@ impl Curved for AshikhminShirley {
         self.lobe.root() / (8.0 * PI) * self.lobe.at(u)
     }
 
+    #[inline]
     fn share(&self, half: &Half) -> Share {
         let quotient = half.cos_i / (half.cos_d * half.cos_i.max(half.cos_o));
         Share { u: self.lobe.abscissa(half), cos_d: half.cos_d, quotient }

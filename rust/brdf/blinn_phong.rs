@@ -46,6 +46,7 @@ impl Curved for BlinnPhong {
         self.constant * self.lobe.at(u)
     }
 
+    #[inline]
     fn share(&self, half: &Half) -> Share {
         Share { u: self.lobe.abscissa(half), cos_d: half.cos_d, quotient: half.cos_i }
     }

@@ -47,6 +47,7 @@ impl Curved for CookTorrance {
     }
 
     /// The smaller of the cosines divides itself away, and the light's is multiplied by (METHODS H7, NUMERICS 2f).
+    #[inline]
     fn share(&self, half: &Half) -> Share {
         let (u, _) = self.slopes.abscissa(half);
         let masked = 2.0 * half.cos_h * half.cos_i / (half.cos_d * half.cos_i.max(half.cos_o));

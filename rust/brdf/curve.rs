@@ -12,7 +12,7 @@
 
 use std::fmt::Debug;
 
-use super::direction::Half;
+use super::direction::{Direction, Half, above};
 use super::fresnel::Fresnel;
 
 /// What a pair of directions takes of a curve.
@@ -34,6 +34,17 @@ pub trait Curved: Debug + Send + Sync {
     /// What two directions above the horizon take of it.
     fn share(&self, half: &Half) -> Share;
 
+    /// `share` of many directions to the light, one coordinate a list, and one to the eye: u, the cosine and the quotient, all
+    /// 0 below the horizon. All lists are as long.
+    fn shares(&self, wi: [&[f64]; 3], wo: Direction, out: [&mut [f64]; 3]) {
+        #[cfg(target_arch = "x86_64")]
+        if is_x86_feature_detected!("avx2") {
+            // SAFETY: the processor has AVX2.
+            return unsafe { shares_avx2(self, wi, wo, out) };
+        }
+        shares_any(self, wi, wo, out);
+    }
+
     /// F, a factor beside the curve.
     fn fresnel(&self) -> Fresnel;
 
@@ -43,12 +54,35 @@ pub trait Curved: Debug + Send + Sync {
     }
 }
 
+/// The same code, compiled for four lanes: the same bits, since Rust never fuses or reorders.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn shares_avx2<C: Curved + ?Sized>(curved: &C, wi: [&[f64]; 3], wo: Direction, out: [&mut [f64]; 3]) {
+    shares_any(curved, wi, wo, out)
+}
+
+#[inline(always)]
+fn shares_any<C: Curved + ?Sized>(curved: &C, wi: [&[f64]; 3], wo: Direction, [u, cos_d, quotient]: [&mut [f64]; 3]) {
+    let count = u.len();
+    let ([x, y, z], cos_d, quotient) = (wi.map(|own| &own[..count]), &mut cos_d[..count], &mut quotient[..count]);
+    for k in 0..count {
+        let wi = [x[k], y[k], z[k]];
+        let share = curved.share(&Half::of(wi, wo));
+        let lit = above(wi) && above(wo);
+        u[k] = if lit { share.u } else { 0.0 };
+        cos_d[k] = if lit { share.cos_d } else { 0.0 };
+        quotient[k] = if lit { share.quotient } else { 0.0 };
+    }
+}
+
 /// The fourth root of 1 - cos, from 0 to 1.
+#[inline]
 pub(super) fn abscissa_of_versine(versine: f64) -> f64 {
     versine.clamp(0.0, 1.0).sqrt().sqrt()
 }
 
 /// The abscissa of an angle by the square of its tangent: 1 - cos = tan² / ((1 + tan²) (1 + cos)).
+#[inline]
 pub(super) fn abscissa_of_slope(square: f64) -> f64 {
     let cosine = 1.0 / (1.0 + square).sqrt();
     // Infinite where the half vector lies on the horizon.

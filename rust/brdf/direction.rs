@@ -7,6 +7,7 @@ pub type Direction = [f64; 3];
 pub(super) const HORIZON: f64 = 1e-30;
 
 /// Whether a direction is above the horizon; NaN is not.
+#[inline]
 pub(super) fn above(direction: Direction) -> bool {
     direction[2] > HORIZON
 }
@@ -17,6 +18,7 @@ pub(super) fn mirrored([x, y, z]: Direction) -> Direction {
 }
 
 /// The scalar product.
+#[inline]
 pub(super) fn dot(a: Direction, b: Direction) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
@@ -55,13 +57,16 @@ pub struct Half {
 impl Half {
     /// None unless both directions are above the horizon.
     pub fn between(wi: Direction, wo: Direction) -> Option<Half> {
-        if !(above(wi) && above(wo)) {
-            return None;
-        }
+        (above(wi) && above(wo)).then(|| Half::of(wi, wo))
+    }
+
+    /// Of two directions above the horizon; of others whatever comes of it.
+    #[inline(always)]
+    pub(super) fn of(wi: Direction, wo: Direction) -> Half {
         let sum: Direction = std::array::from_fn(|k| wi[k] + wo[k]);
         let length = dot(sum, sum).sqrt();
         let slope = [sum[0] / sum[2], sum[1] / sum[2]];
-        Some(Half {
+        Half {
             wi,
             wo,
             cos_i: wi[2],
@@ -69,6 +74,6 @@ impl Half {
             cos_h: (sum[2] / length).min(1.0),
             cos_d: (0.5 * length).min(1.0),
             slope,
-        })
+        }
     }
 }

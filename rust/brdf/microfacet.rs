@@ -29,6 +29,7 @@ impl Beckmann {
     }
 
     /// G1 over its cosine, by Walter's rational function (eq. 27), within 0.35 % of the exact one.
+    #[inline]
     fn seen(&self, direction: Direction) -> f64 {
         let [x, y, cosine] = self.slopes.stretched(direction);
         let across = (x * x + y * y).sqrt();
@@ -73,6 +74,7 @@ impl Ggx {
     }
 
     /// G1 over its cosine.
+    #[inline]
     fn seen(&self, direction: Direction) -> f64 {
         let [x, y, cosine] = self.slopes.stretched(direction);
         2.0 / (cosine + (x * x + y * y + cosine * cosine).sqrt())
@@ -118,6 +120,7 @@ impl Curved for Beckmann {
         self.slopes.normals_at(u)
     }
 
+    #[inline]
     fn share(&self, half: &Half) -> Share {
         let (u, flatter) = self.slopes.abscissa(half);
         let quotient = 0.25 * flatter * self.seen(half.wi) * self.seen(half.wo) * half.cos_i;
@@ -135,6 +138,7 @@ impl Curved for Ggx {
         1.0 / (self.slopes.area() * self.slopes.ellipsoid(u))
     }
 
+    #[inline]
     fn share(&self, half: &Half) -> Share {
         let (u, flatter) = self.slopes.abscissa(half);
         let quotient = 0.25 * flatter * self.seen(half.wi) * self.seen(half.wo) * half.cos_i;

@@ -120,6 +120,7 @@ impl Curved for Lafortune {
     }
 
     /// 1 - b is half of |C wo / max|C| - wi|² + 1 - |C wo / max|C||², in which nothing cancels near the axis.
+    #[inline]
     fn share(&self, half: &Half) -> Share {
         let apart: Direction = std::array::from_fn(|k| self.scale[k] * half.wo[k] - half.wi[k]);
         let versine = 0.5 * (dot(apart, apart) + self.short(half.wo));

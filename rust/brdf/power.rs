@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use crate::error::Result;
 
-use super::curve::abscissa_of_versine;
+use super::curve::{abscissa_of_slope, abscissa_of_versine};
 use super::direction::{Direction, Half};
 use super::facets::Facets;
 use super::range::exponent;
@@ -42,10 +42,14 @@ impl Power {
     }
 
     /// The abscissa of a curve at which two directions look it up: that of a cosine, which to the larger exponent is the power.
+    #[inline]
     pub fn abscissa(&self, half: &Half) -> f64 {
         let narrow = self.narrow();
         let [x, y] = half.slope.map(|s| s * s);
         let square = x + y;
+        if self.exponent[0] == self.exponent[1] {
+            return abscissa_of_slope(square);
+        }
         let share = if narrow > 0.0 && square > 0.0 {
             (self.exponent[0] * x + self.exponent[1] * y) / (square * narrow)
         } else {

@@ -19,6 +19,17 @@ pub enum Quotient {
     Measured(Arc<dyn Measured>, Vec<[f64; 3]>),
 }
 
+/// What many directions to the light take of a curve; all lists are as long.
+#[derive(Clone, Debug, Default)]
+pub struct Shares {
+    /// Where the curve is looked up, from 0 to 1.
+    pub u: Vec<f64>,
+    /// h . wi
+    pub cos_d: Vec<f64>,
+    /// f cos theta_i over the curve and F.
+    pub colours: [Vec<f64>; 3],
+}
+
 /// Places of a function that is linear between nodes evenly spaced from 0 to 1: a node, and the share of the next.
 #[inline]
 pub fn between(x: f64, nodes: usize) -> (usize, f64) {
@@ -62,6 +73,28 @@ impl Quotient {
                     colour[k] * half.cos_i / own
                 };
                 Some((share, std::array::from_fn(divided)))
+            }
+        }
+    }
+
+    /// `share` of many directions to the light, one coordinate a list, and one to the eye; all 0 below the horizon.
+    pub fn shares(&self, wi: [&[f64]; 3], wo: Direction, out: &mut Shares) {
+        let count = wi[0].len();
+        let Shares { u, cos_d, colours: [red, green, blue] } = out;
+        [&mut *u, cos_d, red, green, blue].into_iter().for_each(|own| own.resize(count, 0.0));
+        match self {
+            Quotient::Model(model) => {
+                let Some(curved) = model.curved() else { return };
+                curved.shares(wi, wo, [u, cos_d, red]);
+                green.copy_from_slice(red);
+                blue.copy_from_slice(red);
+            }
+            Quotient::Measured(..) => {
+                for k in 0..count {
+                    let own = self.share(wi.map(|axis| axis[k]), wo);
+                    (u[k], cos_d[k]) = own.map_or((0.0, 0.0), |(share, _)| (share.u, share.cos_d));
+                    [red[k], green[k], blue[k]] = own.map_or([0.0; 3], |(_, colours)| colours);
+                }
             }
         }
     }

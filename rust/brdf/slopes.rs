@@ -22,6 +22,7 @@ impl Slopes {
     }
 
     /// (slope_x / alpha_x)² + (slope_y / alpha_y)²
+    #[inline]
     pub fn squared(&self, slope: [f64; 2]) -> f64 {
         let [x, y] = [slope[0] / self.alpha[0], slope[1] / self.alpha[1]];
         x * x + y * y
@@ -33,12 +34,14 @@ impl Slopes {
     }
 
     /// The narrower roughness, by which curves are measured.
+    #[inline]
     fn narrow(&self) -> f64 {
         self.alpha[0].min(self.alpha[1])
     }
 
     /// The abscissa of a curve at which two directions look it up: that of a slope whose ellipse has been made a circle of the
     /// narrower roughness. And cos⁴ of its angle over cos⁴ theta_h, which a curve of angles cannot hold.
+    #[inline]
     pub fn abscissa(&self, half: &Half) -> (f64, f64) {
         let square = self.squared(half.slope) * self.narrow() * self.narrow();
         let plain = half.slope[0] * half.slope[0] + half.slope[1] * half.slope[1];
@@ -67,6 +70,7 @@ impl Slopes {
     }
 
     /// A direction in the frame whose x and y are measured in roughness.
+    #[inline]
     pub fn stretched(&self, [x, y, z]: Direction) -> Direction {
         [self.alpha[0] * x, self.alpha[1] * y, z]
     }

@@ -79,6 +79,7 @@ impl Curved for Ward {
         lobe_at(&self.slopes, u)
     }
 
+    #[inline]
     fn share(&self, half: &Half) -> Share {
         let (u, _) = self.slopes.abscissa(half);
         Share { u, cos_d: half.cos_d, quotient: (half.cos_i / half.cos_o).sqrt() }
@@ -94,6 +95,7 @@ impl Curved for WardDuer {
         lobe_at(&self.slopes, u)
     }
 
+    #[inline]
     fn share(&self, half: &Half) -> Share {
         let (u, _) = self.slopes.abscissa(half);
         Share { u, cos_d: half.cos_d, quotient: 1.0 / half.cos_o }

@@ -16,9 +16,9 @@ use std::sync::Arc;
 
 use crate::basis::ColumnSpace;
 use crate::basis::cubemap::{solid_angles, texel_direction};
-use crate::basis::daubechies4::{COARSEST, CURVE, Daubechies4};
+use crate::basis::daubechies4::{CURVE, Daubechies4};
 use crate::brdf::Quotient;
-use crate::brdf::quotient::between;
+use crate::brdf::quotient::{Shares, between};
 use crate::error::{Error, Result};
 use crate::sampling::frame;
 use crate::scene::Points;
@@ -27,7 +27,7 @@ use crate::scene::surface::dot;
 use crate::transport::entry::Channels;
 use crate::transport::{GROUP, Rows16};
 
-use super::pass::{Made, Pass, Shape, Take};
+use super::pass::{Made, Pass, Rays, Shape, Take};
 use super::visibility::{Looking, View, Visibility};
 
 /// Texels along a face whose centres are looked at.
@@ -36,6 +36,10 @@ pub const CURVE_FACE: usize = 64;
 /// must lie for them. A one-texel light under a roughness of 0.02 is then within 0.6 % of the largest response. Where a texel
 /// is a twentieth of the way to the highlight, its centre stands for it.
 const PARTS: [(usize, f64); 4] = [(8, 0.04), (4, 0.07), (2, 0.25), (1, f64::INFINITY)];
+/// From so many parts along a side on, each of them has a ray of its own where an edge runs through the texel.
+const SHARP: usize = 4;
+/// No texel above the horizon has a cosine like this.
+const SMALL: f64 = 1e-30;
 
 /// Light on a cubemap as fine as the texels that are looked at, or finer: the parts of each texel, one texel after the other.
 struct Parts {
@@ -63,11 +67,53 @@ impl Parts {
         parts
     }
 
-    /// The parts of a texel.
-    fn of(&self, texel: usize) -> impl Iterator<Item = ([f64; 3], [f64; 3])> {
+    /// The parts of a texel: their directions and fluxes.
+    fn of(&self, texel: usize) -> (&[[f32; 3]], &[[f32; 3]]) {
         let range = texel * self.side * self.side..(texel + 1) * self.side * self.side;
-        let pairs = self.direction[range.clone()].iter().zip(&self.flux[range]);
-        pairs.map(|(direction, flux)| (direction.map(f64::from), flux.map(f64::from)))
+        (&self.direction[range.clone()], &self.flux[range])
+    }
+}
+
+/// Directions to the light that are looked up together, so that one loop without branches runs over all.
+const TOGETHER: usize = 512;
+
+/// Directions, what is known of each, and what they take of the curve.
+struct Batch<T> {
+    wi: [Vec<f64>; 3],
+    own: Vec<T>,
+    shares: Shares,
+}
+
+impl<T> Batch<T> {
+    fn new() -> Self {
+        let empty = || Vec::with_capacity(TOGETHER);
+        Batch { wi: std::array::from_fn(|_| empty()), own: Vec::with_capacity(TOGETHER), shares: Shares::default() }
+    }
+
+    fn clear(&mut self) {
+        self.wi.iter_mut().for_each(Vec::clear);
+        self.own.clear();
+    }
+
+    /// Whether so many more are too many.
+    fn is_full(&self, more: usize) -> bool {
+        self.own.len() + more > TOGETHER
+    }
+
+    #[inline(always)]
+    fn push(&mut self, direction: [f32; 3], own: T) {
+        self.wi.iter_mut().zip(direction).for_each(|(axis, x)| axis.push(f64::from(x)));
+        self.own.push(own);
+    }
+
+    /// Looks all up, in the frame of a surface.
+    fn look(&mut self, quotient: &Quotient, [tangent, bitangent, normal]: [[f64; 3]; 3], wo: [f64; 3]) {
+        let [x, y, z] = &mut self.wi;
+        for ((x, y), z) in x.iter_mut().zip(y).zip(z) {
+            let world = [*x, *y, *z];
+            [*x, *y, *z] = [dot(tangent, world), dot(bitangent, world), dot(normal, world)];
+        }
+        quotient.shares(self.wi.each_ref().map(Vec::as_slice), wo, &mut self.shares);
     }
 }
 
@@ -80,15 +126,42 @@ pub struct CurvePass {
     /// F_r at nodes evenly spaced over the cosine, one list a factor.
     factors: Vec<Vec<f64>>,
     parts: Vec<Parts>,
+    /// Of each factor's coefficients.
+    columns: Vec<[usize; CURVE]>,
     shape: Shape,
 }
 
 /// Room for one bundle, kept by each thread.
 pub struct Room {
     looking: Looking,
-    /// Histograms of one row, factor after factor, each of three colours.
-    bins: Vec<[[f64; CURVE]; 3]>,
+    integrating: Integrating,
     planes: [Vec<Rows16>; 3],
+}
+
+/// A texel of which a row sees something.
+#[derive(Clone, Copy)]
+struct Seen {
+    texel: u32,
+    /// How much.
+    share: f32,
+    /// Whether an edge runs through it.
+    edge: bool,
+}
+
+/// A row in the making.
+struct Integrating {
+    /// Its number, the axes of its surface, and the eye along them.
+    row: usize,
+    axes: [[f64; 3]; 3],
+    wo: [f64; 3],
+    /// Rays to parts of texels.
+    rays: u64,
+    /// Centres of texels that are seen.
+    centres: Batch<Seen>,
+    /// Parts of texels around the highlight, and their light.
+    parts: Batch<[f32; 3]>,
+    /// Histograms, factor after factor: at each node three colours.
+    bins: Vec<[[f64; 3]; CURVE]>,
 }
 
 impl CurvePass {
@@ -127,75 +200,113 @@ impl CurvePass {
             factors: 1,
         };
         let visibility = Visibility::new(tracer, points, CURVE_FACE, edge_side)?;
-        Ok(CurvePass { visibility, eyes, quotient, factors, parts, shape })
+        let columns = columns_of(factors.len())?;
+        Ok(CurvePass { visibility, eyes, quotient, factors, parts, columns, shape })
     }
 
-    /// The histograms of one row, `ray` of its bundle, in `bins`.
-    fn row(&self, row: usize, ray: usize, view: &View, bins: &mut [[[f64; CURVE]; 3]]) {
-        bins.iter_mut().for_each(|own| *own = [[0.0; CURVE]; 3]);
+    /// The histograms of one row, `ray` of its bundle.
+    fn row(&self, row: usize, ray: usize, view: &View, room: &mut Integrating, looking: &mut Looking) {
+        room.bins.iter_mut().for_each(|own| *own = [[0.0; 3]; CURVE]);
         let normal = self.visibility.points.normal[row].map(f64::from);
         let [tangent, bitangent] = frame(normal);
-        let local = |direction: [f64; 3]| [tangent, bitangent, normal].map(|axis| dot(axis, direction));
-        let wo = local(self.eyes[row].map(f64::from));
+        (room.row, room.axes) = (row, [tangent, bitangent, normal]);
+        room.wo = room.axes.map(|axis| dot(axis, self.eyes[row].map(f64::from)));
         let mut edges = view.edges.iter().filter(|edge| edge.rows >> ray & 1 == 1).peekable();
         for (texel, &open) in view.open.iter().enumerate() {
             let edge = edges.next_if(|edge| edge.texel as usize == texel);
             if open >> ray & 1 == 0 && edge.is_none() {
                 continue;
             }
-            let centre = local(self.visibility.texels.centre[texel].map(f64::from));
-            // An edge's mean is of V cos over the texel: as much of each part is seen.
-            let seen = edge.map_or(1.0, |edge| (f64::from(edge.mean[ray]) / centre[2]).min(1.0));
-            let Some((share, colours)) = self.quotient.share(centre, wo) else { continue };
-            let off = self.quotient.off_highlight(share.u);
+            let centre = self.visibility.texels.centre[texel];
+            // An edge's mean is of V cos over the texel.
+            let cosine = || dot(normal, centre.map(f64::from)).max(SMALL) as f32;
+            let share = edge.map_or(1.0, |edge| (edge.mean[ray] / cosine()).min(1.0));
+            room.centres.push(centre, Seen { texel: texel as u32, share, edge: edge.is_some() });
+            if room.centres.is_full(1) {
+                self.add_texels(room, looking);
+            }
+        }
+        self.add_texels(room, looking);
+        self.add_parts(room);
+    }
+
+    /// Adds texels: by their centres far from the highlight, and what is nearer as parts.
+    fn add_texels(&self, room: &mut Integrating, looking: &mut Looking) {
+        room.centres.look(&self.quotient, room.axes, room.wo);
+        for k in 0..room.centres.own.len() {
+            let (Shares { u, cos_d, colours }, own) = (&room.centres.shares, room.centres.own[k]);
+            let off = self.quotient.off_highlight(u[k]);
             let near = PARTS.iter().position(|(_, within)| off < *within).unwrap_or(PARTS.len() - 1);
-            for (direction, flux) in self.parts[near].of(texel) {
-                let own = match self.parts[near].side {
-                    _ if flux == [0.0; 3] => None,
-                    1 => Some((share, colours)),
-                    _ => self.quotient.share(local(direction), wo),
-                };
-                if let Some((share, quotient)) = own {
-                    let light = std::array::from_fn(|k| seen * flux[k] * quotient[k]);
-                    self.splat(share.u, share.cos_d, light, bins);
+            let (parts, texel) = (&self.parts[near], own.texel as usize);
+            if parts.side == 1 {
+                let taken = std::array::from_fn(|c| f64::from(own.share * parts.flux[texel][c]) * colours[c][k]);
+                self.splat(u[k], cos_d[k], taken, &mut room.bins);
+                continue;
+            }
+            if room.parts.is_full(parts.side * parts.side) {
+                self.add_parts(room);
+            }
+            let (directions, fluxes) = parts.of(texel);
+            // Where the highlight is, an edge is taken where it lies; elsewhere as much of each part is seen.
+            let open = (own.edge && parts.side >= SHARP).then(|| {
+                room.rays += directions.len() as u64;
+                self.visibility.open(room.row, directions, looking)
+            });
+            for (part, (&direction, flux)) in directions.iter().zip(fluxes).enumerate() {
+                let share = open.map_or(own.share, |open| (open >> part & 1) as f32);
+                room.parts.push(direction, flux.map(|flux| share * flux));
+            }
+        }
+        room.centres.clear();
+    }
+
+    /// Adds parts of texels.
+    fn add_parts(&self, room: &mut Integrating) {
+        room.parts.look(&self.quotient, room.axes, room.wo);
+        let Shares { u, cos_d, colours } = &room.parts.shares;
+        for (k, light) in room.parts.own.iter().enumerate() {
+            let taken = std::array::from_fn(|c| f64::from(light[c]) * colours[c][k]);
+            self.splat(u[k], cos_d[k], taken, &mut room.bins);
+        }
+        room.parts.clear();
+    }
+
+    /// Adds light to the two nodes around its place, for each factor.
+    #[inline]
+    fn splat(&self, u: f64, cos_d: f64, light: [f64; 3], bins: &mut [[[f64; 3]; CURVE]]) {
+        let (node, rest) = between(u, CURVE);
+        for (factor, bins) in self.factors.iter().zip(bins) {
+            let (place, further) = between(cos_d, factor.len());
+            let reflected = (1.0 - further) * factor[place] + further * factor[place + 1];
+            for (node, share) in [(node, 1.0 - rest), (node + 1, rest)] {
+                for (bin, light) in bins[node].iter_mut().zip(light) {
+                    *bin += share * reflected * light;
                 }
             }
         }
     }
 
-    /// Adds what one part of a texel sends to the two nodes around its place, for each factor.
-    #[inline]
-    fn splat(&self, u: f64, cos_d: f64, light: [f64; 3], bins: &mut [[[f64; CURVE]; 3]]) {
-        let (node, rest) = between(u, CURVE);
-        for (factor, bins) in self.factors.iter().zip(bins) {
-            let (place, further) = between(cos_d, factor.len());
-            let reflected = (1.0 - further) * factor[place] + further * factor[place + 1];
-            for (bins, light) in bins.iter_mut().zip(light) {
-                bins[node] += (1.0 - rest) * reflected * light;
-                bins[node + 1] += rest * reflected * light;
-            }
-        }
-    }
-
     /// The wavelets of a row's histograms, into its lane: band by band, in each factor after factor.
-    fn transform(&self, lane: usize, bins: &[[[f64; CURVE]; 3]], planes: &mut [Vec<Rows16>; 3]) {
-        for (factor, colours) in bins.iter().enumerate() {
-            for (samples, plane) in colours.iter().zip(planes.iter_mut()) {
-                let coefficients = Daubechies4::shared().forward(samples);
-                for (number, value) in coefficients.iter().enumerate() {
-                    plane[column_of(factor, number, bins.len())][lane] = *value as f32;
+    fn transform(&self, lane: usize, bins: &[[[f64; 3]; CURVE]], planes: &mut [Vec<Rows16>; 3]) {
+        for (factor, nodes) in bins.iter().enumerate() {
+            for (colour, plane) in planes.iter_mut().enumerate() {
+                let coefficients = Daubechies4::shared().forward(&nodes.map(|node| node[colour]));
+                for (&column, value) in self.columns[factor].iter().zip(coefficients) {
+                    plane[column][lane] = value as f32;
                 }
             }
         }
     }
 }
 
-/// The column of a coefficient of a factor: in its band, behind those of the factors before.
-pub fn column_of(factor: usize, coefficient: usize, factors: usize) -> usize {
-    // Bands are as wide as all before them together.
-    let start = if coefficient < COARSEST { 0 } else { 1 << coefficient.ilog2() };
-    let width = start.max(COARSEST);
-    start * factors + factor * width + coefficient - start
+/// The columns of each factor's coefficients: in their bands, behind those of the factors before.
+pub fn columns_of(factors: usize) -> Result<Vec<[usize; CURVE]>> {
+    let one = ColumnSpace::daubechies4(1)?.bands();
+    let column = |factor: usize, coefficient: usize| {
+        let band = one.range(one.of(coefficient));
+        band.start * factors + factor * band.len() + coefficient - band.start
+    };
+    Ok((0..factors).map(|factor| std::array::from_fn(|coefficient| column(factor, coefficient))).collect())
 }
 
 impl Pass for CurvePass {
@@ -208,21 +319,32 @@ impl Pass for CurvePass {
     fn room(&self) -> Room {
         Room {
             looking: Looking::default(),
-            bins: vec![[[0.0; CURVE]; 3]; self.factors.len()],
+            integrating: Integrating {
+                row: 0,
+                axes: [[0.0; 3]; 3],
+                wo: [0.0; 3],
+                rays: 0,
+                centres: Batch::new(),
+                parts: Batch::new(),
+                bins: vec![[[0.0; 3]; CURVE]; self.factors.len()],
+            },
             planes: std::array::from_fn(|_| vec![[0.0; GROUP]; self.shape.bands.columns()]),
         }
     }
 
     fn bundle(&self, rows: Range<usize>, room: &mut Room, take: &mut Take) -> Result<Made> {
-        let view = self.visibility.view(rows.clone(), &mut room.looking);
+        let Room { looking, integrating, planes } = room;
+        let view = self.visibility.view(rows.clone(), looking);
+        integrating.rays = 0;
         for first in (0..rows.len()).step_by(GROUP) {
-            room.planes.iter_mut().for_each(|plane| plane.fill([0.0; GROUP]));
+            planes.iter_mut().for_each(|plane| plane.fill([0.0; GROUP]));
             for lane in 0..GROUP.min(rows.len() - first) {
-                self.row(rows.start + first + lane, first + lane, &view, &mut room.bins);
-                self.transform(lane, &room.bins, &mut room.planes);
+                self.row(rows.start + first + lane, first + lane, &view, integrating, looking);
+                self.transform(lane, &integrating.bins, planes);
             }
-            take(0, &room.planes.each_ref().map(Vec::as_slice), 0.0)?;
+            take(0, &planes.each_ref().map(Vec::as_slice), 0.0)?;
         }
-        Ok(Made { rays: view.rays, seen: None })
+        let rays = view.rays.plus(Rays { edge: integrating.rays, ..Rays::default() });
+        Ok(Made { rays, seen: None })
     }
 }

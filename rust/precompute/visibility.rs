@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use crate::error::{Error, Result};
 use crate::scene::Points;
-use crate::scene::rays::{Apex, FAN, Fan, Tracer, Walk};
+use crate::scene::rays::{Apex, FAN, Fan, Octant, Tracer, Walk};
 
 use super::pass::{BUNDLE_ROWS, Rays};
 use super::texels::{Block, Sample, Texels};
@@ -134,6 +134,15 @@ impl Visibility {
         let view = Arc::new(self.looked(rows, &apexes, room));
         room.last = Some((apexes, normals.to_vec(), Arc::clone(&view)));
         view
+    }
+
+    /// Which directions into one texel, at most 64, a row has open: one bit each.
+    pub(super) fn open(&self, row: usize, directions: &[[f32; 3]], room: &mut Looking) -> u64 {
+        let (octant, fan) = (Octant::of(directions[0]), &mut room.pending.fan);
+        fan.restart(octant);
+        directions.iter().for_each(|&direction| fan.push(octant.slopes(direction)));
+        let apex = Apex { origin: self.points.origin[row], normal: self.points.normal[row] };
+        fan.all() & !self.tracer.blocked(&apex, fan, fan.all(), &mut room.walk)
     }
 
     fn looked(&self, rows: Range<usize>, apexes: &[Apex], room: &mut Looking) -> View {

@@ -99,6 +99,45 @@ def test_rows_are_brute_force_under_a_sun_of_one_texel(model):
     assert np.abs(found - expected).max() <= 0.01 * expected.max()
 
 
+def test_edges_run_where_they_are_inside_a_texel():
+    """A narrow highlight of a sun of one texel, half behind a slanted awning: within 4 % of the largest response (1.1 %
+    in all), where the same share of every part of the texel, as much as is seen of it, is off by 12 % (7 % in all)."""
+    model, place, (height, end) = dl.brdf.CookTorrance(0.02, 1.5), (2, 16, 32), (3.0, -0.83)
+    vertices = [(-1, 0, -1), (-1, 0, 1), (1, 0, 1), (1, 0, -1)]
+    across, along = (np.array(own) for own in ((0.8, 0.0, 0.6), (-0.6, 0.0, 0.8)))
+    awning = [
+        tuple(x * across + z * along + (0, height, 0)) for x, z in ((end, -9), (end, 9), (end + 9, 9), (end + 9, -9))
+    ]
+    camera = dl.Camera(position=(0, 2, 1), target=(0, 0, 0), vertical_fov=6, width=24, height=24)
+    scene = dl.Scene.from_arrays([*vertices, *awning], [(0, 1, 2), (0, 2, 3), (4, 5, 6), (4, 6, 7)], camera=camera)
+    core, env = scene.traced(), sun(*place)
+    rows = core.receivers(camera.rays(), edges=False)
+    rows = rows.glossy(scene.material[rows.triangle], [True], [[]], camera.position)
+    work = _core.CurvePass(
+        core,
+        rows,
+        _core.Quotient.of_model(model.core()),
+        eye=camera.position,
+        factors=curves.reflectance_of_model(model)[None],
+        light=[env.cubemap(64 * k) for k in (1, 2, 4, 8)],
+        edge_side=3,
+    )
+    columns = Daubechies4()
+    curve = np.repeat(curves.curve_of(model)[:, None], 3, axis=1)
+    found = work.respond(columns.product(np.ones((1, 3)), columns.forward(curve)))[:, 0] / 1000
+    position = rows.table(np.ones((len(rows), 3), np.float32), np.zeros(len(rows), np.uint16)).position
+    wi, areas = texel(*place, 64)
+    expected, evenly = [], []
+    for point in position.astype(np.float64):
+        local, wo = directions(point, camera.position, wi)
+        each = model.evaluate(local, wo) * local[:, 2] * areas
+        seen = (point + wi * ((height - point[1]) / wi[:, 1:2])) @ across < end
+        expected.append(each[seen].sum())
+        evenly.append(each.sum() * seen.mean())
+    assert np.abs(found - expected).max() <= 0.04 * max(expected)
+    assert np.abs(np.subtract(evenly, expected)).max() > 0.12 * max(expected)
+
+
 def test_the_whole_picture_is_that_of_the_package(tmp_path, light):
     """With its own curve a material shows what `precompute` makes of the same lobe, truncation and texels aside."""
     scene = plane_scene(16)
@@ -388,8 +427,9 @@ def test_a_run_goes_on_where_it_stopped(tmp_path, light):
 
 def test_columns_of_curves():
     columns = Daubechies4(3)
-    assert str(columns) == "d4:3" and columns.columns == 768 and columns.band_names == ("32", "32", "16", "8", "4", "2")
-    assert list(np.bincount(columns.bands)) == [24, 24, 48, 96, 192, 384]
+    assert str(columns) == "d4:3" and columns.columns == 768
+    assert columns.band_names == ("32", "32", "16", *3 * ("8",), *3 * ("4",), *3 * ("2",))
+    assert list(np.bincount(columns.bands)) == [24, 24, 48, 12, 12, 72, 24, 24, 144, 48, 48, 288]
     random = np.random.default_rng(1)
     curve = random.random((256, 2))
     assert np.allclose(columns.inverse(columns.forward(curve)), curve, atol=1e-13)

@@ -70,6 +70,7 @@ TRACES = {
     *(f"studies/factored/{name}" for name in ("findings", "factors", "__init__")),
     *(f"studies/reflectance/{name}" for name in ("freezing", "freezing_findings")),
     *(f"studies/interreflection/bounce_{name}" for name in ("findings", "pictures", "claims")),
+    *(f"studies/reflectance/{name}" for name in ("pearls", "curves")),
     *("studies/catalogue", "studies/run", "studies/__init__"),
 }
 # What a type checker sees upwards or across a floor, and no program runs.

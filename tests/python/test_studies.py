@@ -25,7 +25,7 @@ from deltalux.studies.coherence.reset_raster import rasters
 from deltalux.studies.factored import findings as factor_findings
 from deltalux.studies.interreflection import furnace_pages, furnaces
 from deltalux.studies.pictures import cross
-from deltalux.studies.reflectance import family_findings, freezing_findings, gather
+from deltalux.studies.reflectance import edits, family_findings, freezing_findings, gather, pearls
 from deltalux.update.methods import Full, Incremental, Nonlinear, PerBand
 from hypothesis import given
 from hypothesis import strategies as st
@@ -48,7 +48,7 @@ def named(names):
 
 @pytest.fixture(autouse=True)
 def few_furnaces(monkeypatch):
-    """Rooms of one albedo show all that those of four do, and so do few functions of families and few samples."""
+    """Rooms of one albedo show all that those of four do; and so do few functions, few samples and one pearl."""
     monkeypatch.setattr(furnaces, "ALBEDOS", (0.9,))
     monkeypatch.setattr(furnaces, "_BALL_ALBEDOS", (0.9,))
     monkeypatch.setattr(furnace_pages, "ALBEDOS", (0.9,))
@@ -57,6 +57,9 @@ def few_furnaces(monkeypatch):
     monkeypatch.setattr(factor_findings, "_FRAMES", 2)
     monkeypatch.setattr(factor_findings, "_EYES", 8)
     monkeypatch.setattr(factor_findings, "_SIDE", 6)
+    monkeypatch.setattr(pearls, "_SIZE", (12, 9))
+    for name in ("GGX", "Ashikhmin-Shirley"):
+        monkeypatch.delitem(edits.MODELS, name)
     monkeypatch.setattr(gather, "_COUNTS", (256,))
     monkeypatch.setattr(gather, "_SHOWN", 256)
     monkeypatch.setattr(gather, "_SIDE", 8)

@@ -6,9 +6,9 @@ use std::sync::Arc;
 use _core::basis::ColumnSpace;
 use _core::basis::daubechies4::{COARSEST, CURVE, Daubechies4};
 use _core::brdf::measured::{MERL, Merl};
-use _core::brdf::quotient::between;
+use _core::brdf::quotient::{Shares, between};
 use _core::brdf::{Brdf, Lambert, Measured, Quotient};
-use _core::precompute::curve::column_of;
+use _core::precompute::curve::columns_of;
 use proptest::prelude::*;
 
 use crate::brdf::{models, near, pairs};
@@ -87,18 +87,20 @@ const FIRST: [f64; 5] =
 const LAST: [f64; 5] =
     [0.05572249300812741, 0.09651418901447824, -0.621352591012901, 0.7302726429498555, -0.26115673395956];
 
-/// Each column's wavelet lies in the band that says how much of the curve it covers.
+/// Each column's wavelet lies in the band of its level, and in the finest levels of its place.
 #[test]
 fn columns_stand_in_their_bands() {
     let bands = ColumnSpace::daubechies4(1).unwrap().bands();
-    assert_eq!(bands.starts, [0, 8, 16, 32, 64, 128, 256]);
+    assert_eq!(bands.starts, [0, 8, 16, 32, 36, 40, 64, 72, 80, 128, 144, 160, 256]);
     for j in 128..CURVE {
-        let touched = wavelet(j).iter().filter(|x| **x != 0.0).count();
-        assert!(touched <= 5 && bands.areas[j] == 2.0, "{j}: {touched}");
+        let touched: Vec<usize> = (0..CURVE).filter(|&k| wavelet(j)[k] != 0.0).collect();
+        assert!(touched.len() <= 5 && bands.areas[j] == 2.0, "{j}: {touched:?}");
+        let place = [40, 72].iter().filter(|&&end| touched[0] >= end - 8).count();
+        assert_eq!(bands.of(j), 9 + place, "{j}: {touched:?}");
     }
     assert_eq!((bands.areas[0], bands.areas[8], bands.areas[16], bands.always), (32.0, 32.0, 16.0, COARSEST));
     let three = ColumnSpace::daubechies4(3).unwrap().bands();
-    assert_eq!(three.starts, [0, 24, 48, 96, 192, 384, 768]);
+    assert_eq!(three.starts, bands.starts.iter().map(|start| 3 * start).collect::<Vec<_>>());
     assert_eq!(three.always, 24);
     assert!(ColumnSpace::daubechies4(0).is_err() && ColumnSpace::daubechies4(17).is_err());
 }
@@ -182,6 +184,32 @@ proptest! {
     }
 }
 
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 500, failure_persistence: None, ..ProptestConfig::default() })]
+
+    /// Many directions at once take what each takes by itself, to the bit, whatever lies below the horizon.
+    #[test]
+    fn many_shares_are_those_of_each(model in models(), all in prop::collection::vec(pairs(), 1..20), flip in 0usize..20) {
+        let model: Arc<dyn Brdf> = Arc::from(model);
+        let Ok(quotient) = Quotient::of_model(model) else { return Ok(()) };
+        let wo = all[0].1;
+        let mut wi: Vec<[f64; 3]> = all.iter().map(|pair| pair.0).collect();
+        wi.iter_mut().skip(flip).for_each(|own| own[2] = -own[2]);
+        let axes: [Vec<f64>; 3] = std::array::from_fn(|axis| wi.iter().map(|own| own[axis]).collect());
+        let mut found = Shares::default();
+        quotient.shares(axes.each_ref().map(Vec::as_slice), wo, &mut found);
+        for (k, &wi) in wi.iter().enumerate() {
+            let colours: [f64; 3] = std::array::from_fn(|c| found.colours[c][k]);
+            match quotient.share(wi, wo) {
+                Some((share, expected)) => {
+                    prop_assert_eq!((found.u[k], found.cos_d[k], colours), (share.u, share.cos_d, expected));
+                }
+                None => prop_assert_eq!((found.u[k], found.cos_d[k], colours), (0.0, 0.0, [0.0; 3])),
+            }
+        }
+    }
+}
+
 /// A model without a lobe has no curve, and a measured one needs one above 0.
 #[test]
 fn what_has_no_curve_is_refused() {
@@ -214,9 +242,8 @@ fn factors_share_bands() {
         let bands = ColumnSpace::daubechies4(factors).unwrap().bands();
         let one = ColumnSpace::daubechies4(1).unwrap().bands();
         let mut met = vec![false; factors * CURVE];
-        for factor in 0..factors {
-            for coefficient in 0..CURVE {
-                let column = column_of(factor, coefficient, factors);
+        for own in columns_of(factors).unwrap() {
+            for (coefficient, column) in own.into_iter().enumerate() {
                 assert_eq!(bands.of(column), one.of(coefficient));
                 assert!(!std::mem::replace(&mut met[column], true));
             }

@@ -22,7 +22,8 @@ __all__ = ["Daubechies4"]
 class Daubechies4:
     """Wavelets of curves of 256 samples, orthonormal on an interval: nothing leaks from one end to the other.
 
-    Columns are numbered band by band, coarse to fine; in each band those of the first factor come first.
+    Columns are numbered band by band, coarse to fine; in each band those of the first factor come first. A band is a
+    level, or of the three finest the eighth of it at the highlight, the next eighth, or the rest.
 
     Parameters
     ----------

@@ -262,7 +262,8 @@ class _Curves:
                 numbers = tiles[shard * TILES_PER_SHARD : (shard + 1) * TILES_PER_SHARD]
                 writer.write_shard(_CURVE, shard, [made(tile) for tile in numbers])
         error = 100 * max(looked.errors)
-        part = Part(_CURVE, _CURVE, count, str(columns), columns.columns, 6, 3, 1, 0, f"the curve of {own.name}")
+        bands = int(columns.bands[-1]) + 1
+        part = Part(_CURVE, _CURVE, count, str(columns), columns.columns, bands, 3, 1, 0, f"the curve of {own.name}")
         plan = Plan(
             scene.name,
             len(scene.triangles),

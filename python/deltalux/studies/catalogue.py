@@ -8,7 +8,7 @@ from .coherence import coverage, energy, equal_quality, equal_time, evolution, l
 from .factored import factors
 from .harmonics import blocker, two_bases
 from .interreflection import bounces, slides
-from .reflectance import families, freezing, gather
+from .reflectance import curves, families, freezing, gather
 from .shape import Study
 
 __all__ = ["STUDIES"]
@@ -29,6 +29,7 @@ STUDIES: dict[str, Study] = {
     "blocker": blocker.STUDY,
     "bounces": bounces.STUDY,
     "slides": slides.STUDY,
+    "curves": curves.STUDY,
     "families": families.STUDY,
     "gather": gather.STUDY,
     "freezing": freezing.STUDY,

@@ -24,7 +24,7 @@ from .transport import Transport
 
 __all__ = ["ARRAYS", "MANIFEST", "VERSION", "CurvePart", "CurveTransport"]
 
-MANIFEST, ARRAYS, VERSION = "curves.json", "arrays.npz", 1
+MANIFEST, ARRAYS, VERSION = "curves.json", "arrays.npz", 2
 _LARGEST = 1 << 30
 
 
