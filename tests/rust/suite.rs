@@ -320,7 +320,7 @@ fn every_form_under_every_method_is_within_its_bound_and_ends_exact() {
                     assert!(truncation <= whole, "{name}, {method:?}, frame {frame}: {truncation} of {whole}");
                     // What is left then was rounded on the way, most of it between two stages.
                     let left = if converged { whole - truncation } else { 0.0 };
-                    assert!(left <= 1e-3 * whole, "{name}, {method:?}, frame {frame}: {left} of {whole} is left");
+                    assert!(left <= 1e-2 * whole, "{name}, {method:?}, frame {frame}: {left} of {whole} is left");
                 }
             }
             // Those that start anew in every frame, or keep bands that do, never hold more than their budget.
