@@ -86,10 +86,8 @@ impl Emitters {
     ) -> Result<Vec<[f64; 3]>> {
         const CHUNK: usize = 64;
         let row = |row: usize| {
-            let (origin, normal) = (points.origin[row].map(f64::from), points.normal[row].map(f64::from));
             let lobe = lobes.of(row, points.normal[row]);
-            let rises = |way| points.rises(row, way);
-            self.at(surfaces, (origin, normal, &rises), lobe.as_ref(), side, mixed(row as u64) ^ 5)
+            self.at(surfaces, (points, row), lobe.as_ref(), side, mixed(row as u64) ^ 5)
         };
         let chunks = (0..points.len().div_ceil(CHUNK)).into_par_iter().map(|chunk| {
             let rows = chunk * CHUNK..points.len().min((chunk + 1) * CHUNK);
@@ -117,11 +115,12 @@ impl Emitters {
     fn at(
         &self,
         surfaces: Surfaces,
-        (origin, normal, rises): ([f64; 3], [f64; 3], &dyn Fn([f64; 3]) -> bool),
+        (points, row): (&Points, usize),
         lobe: Option<&Lobe>,
         side: usize,
         seed: u64,
     ) -> [f64; 3] {
+        let (origin, normal) = (points.origin[row].map(f64::from), points.normal[row].map(f64::from));
         let mut sum = [0.0; 3];
         if normal == [0.0; 3] || self.is_empty() {
             return sum;
@@ -132,7 +131,7 @@ impl Emitters {
         let proposal = |way: [f64; 3]| lobe.and_then(|lobe| lobe.pdf(way)).unwrap_or_else(|| cosine(way));
         let mut add = |emitter: usize, way: [f64; 3], by_emitters: f64| {
             let weight = value(way) / (by_emitters + proposal(way)) / count;
-            if weight.is_finite() && rises(way) {
+            if weight.is_finite() && points.rises(row, way) {
                 (0..3).for_each(|k| sum[k] += weight * self.radiance[emitter][k]);
             }
         };

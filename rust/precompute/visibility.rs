@@ -90,6 +90,9 @@ struct Pending {
     parts: Vec<(usize, f32)>,
 }
 
+/// Where a bundle looked from, the normals that its cosines are taken to, and what it saw.
+type Looked = (Vec<Apex>, Vec<[f32; 3]>, Arc<View>);
+
 /// Room for looking, kept by each thread.
 #[derive(Default)]
 pub(super) struct Looking {
@@ -100,7 +103,7 @@ pub(super) struct Looking {
     /// Of each texel the receivers whose ray to its centre met something thin; empty where everything is solid.
     thin: Vec<u64>,
     /// Where the last bundle looked from, and what it saw: another factor of the same receivers sees the same.
-    last: Option<(Vec<Apex>, Vec<[f32; 3]>, Arc<View>)>,
+    last: Option<Looked>,
 }
 
 /// Looks at the sky from the receivers of a scene.

@@ -62,8 +62,8 @@ class Follower:
         core, each = self.transport._core, np.eye(self.transport._core.factors, dtype=np.float32)
         rows = self.transport.shape[0]
         if len(each) == 1:
-            return np.array([np.linalg.norm(core.error_factors(None))])
-        return np.array([np.linalg.norm(core.error_factors(np.tile(one, (rows, 1)))) for one in each])
+            return np.array([float(np.linalg.norm(core.error_factors(None)))])
+        return np.array([float(np.linalg.norm(core.error_factors(np.tile(one, (rows, 1))))) for one in each])
 
     @property
     def longest(self) -> float:

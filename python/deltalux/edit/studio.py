@@ -31,8 +31,8 @@ from .lighting import Colours, Kept, Lighting, Sources
 
 __all__ = ["Memory", "Studio", "StudioFrame"]
 
-_SHINE = 0.3
-"""k_s at the start."""
+_ALL, _SHINE = (1.0, 1.0, 1.0), (0.3, 0.3, 0.3)
+"""k_d and k_s at the start."""
 
 
 class Memory(NamedTuple):
@@ -148,9 +148,9 @@ class Studio:
         if method is not None and not isinstance(method, Method):
             raise ValueError(f"expected an update method such as Incremental(terms=300), got {method!r}")
         self.transport, self.method = transport, Full() if method is None else method
-        self._looks = {number: Look((1.0,) * 3, None, (0.0,) * 3, None) for number in self._numbers}
+        self._looks = {number: Look(_ALL, None, (0.0, 0.0, 0.0), None) for number in self._numbers}
         for part in transport.parts.values():
-            self._looks[part.number] = Look((1.0,) * 3, None, (_SHINE,) * 3, part.family.range[0])
+            self._looks[part.number] = Look(_ALL, None, _SHINE, part.family.range[0])
         self._live: str | None = None
         self._lighting = Lighting(transport)
         self._frozen: dict[str, tuple[float, Transport]] = {}

@@ -290,8 +290,9 @@ class _Studio:
         """The threshold that keeps the tolerance, and integers that are wide enough for it: rows of a group share their
         units, and where lobes are narrow they differ much."""
         measures = [(mix, light) for mix in work.mixes for light in self.lights]
-        for width in ("i8", "i16") if self.quality != "lossless" else ("i16",):
-            threshold, error, _ = work.made.threshold_for(
+
+        def found(width: str) -> tuple[float, float, float]:
+            return work.made.threshold_for(
                 _BUNDLES,
                 tolerance=self.tolerance,
                 weights=self.weights,
@@ -300,9 +301,12 @@ class _Studio:
                 width=width,
                 measures=measures,
             )
+
+        if self.quality != "lossless":
+            threshold, error, _ = found("i8")
             if error <= self.tolerance:
-                break
-        return threshold, width
+                return threshold, "i8"
+        return found("i16")[0], "i16"
 
     def _plan(self, part: Part, threshold: float) -> Plan:
         camera = self.scene.camera

@@ -54,7 +54,7 @@ class Backdrop:
         encoded = np.array([int(self._word[k : k + 2], 16) for k in (1, 3, 5)]) / 255.0
         linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
         colour = np.asarray(linear * 2.0**-exposure, np.float32)
-        return self._picture(B, None) + self._open * colour
+        return np.asarray(self._picture(B, None) + self._open * colour, np.float32)
 
     def _picture(self, B: ArrayLike, env: Environment | None) -> NDArray[np.float32]:
         if self._camera is None:
