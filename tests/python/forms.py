@@ -6,7 +6,7 @@ A form is a transport with the dense product in float64 that it stands for.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import deltalux as dl
 import numpy as np
@@ -84,6 +84,8 @@ class Form:
     mix: np.ndarray | None = None
     two_stages: bool = False
     options: dict = field(default_factory=dict)
+    loss: float = 1.0
+    """By how much more than in others truncation takes of it: budgets in error leave room for that."""
 
     @property
     def columns(self):
@@ -104,6 +106,8 @@ class Form:
         return float((self.transport._core.error_factors(mix) @ norms).max())
 
     def relighter(self, method: dl.Method, initial: str | None = "full") -> dl.Relighter:
+        if method.error is not None:
+            method = replace(method, error=method.error * self.loss)
         return dl.Relighter(self.transport, method, initial, mix=self.mix, **self.options)
 
 
@@ -193,7 +197,7 @@ def clustered(columns, rng) -> Form:
     M = dense(rng, columns.columns)
     made = _core.Clusters(stored(M, columns), clusters=5, representatives=3, tolerance=0.01)
     core = _core.Transport.join([made.representatives], made.link, [made.weights])
-    return Form(dl.Transport(core), lambda V: M[made.order] @ V, two_stages=True)
+    return Form(dl.Transport(core), lambda V: M[made.order] @ V, two_stages=True, loss=10.0)
 
 
 def texels(columns, rng, glossy=False, **options) -> Form:

@@ -65,7 +65,7 @@ def texel(face: int, row: int, column: int, parts: int) -> tuple[np.ndarray, np.
     return points / length[:, None], (2 / fine) ** 2 / length**3
 
 
-@pytest.mark.parametrize("model", [PEARL, dl.brdf.GGX(0.1), dl.brdf.BlinnPhong(60), dl.brdf.Phong(30)], ids=repr)
+@pytest.mark.parametrize("model", [PEARL, dl.brdf.GGX(0.1), dl.brdf.Phong(30)], ids=repr)
 def test_rows_are_brute_force_under_a_sun_of_one_texel(model):
     """What is kept of it and the largest response are compared: REFLECTANCE 5.2 asks 1 % at a roughness of 0.02."""
     narrow = dl.brdf.CookTorrance(0.02, 1.5) if isinstance(model, dl.brdf.CookTorrance) else model
@@ -394,7 +394,7 @@ def test_files_are_what_they_claim_to_be(transport, tmp_path):
     copy = tmp_path / "copy"
     shutil.copytree(transport.path, copy)
     about = json.loads((copy / "curves.json").read_text())
-    for key, value in [("version", 2), ("camera", {}), ("materials", [{"name": "x"}]), ("seconds", "long")]:
+    for key, value in [("version", 9), ("camera", {}), ("materials", [{"name": "x"}]), ("seconds", "long")]:
         (copy / "curves.json").write_text(json.dumps({**about, key: value}))
         with pytest.raises(dl.FileError):
             dl.CurveTransport.open(copy)

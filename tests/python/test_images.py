@@ -301,7 +301,8 @@ def test_the_table_knows_every_attribute_that_it_should(tmp_path):
         names = {one.name for one in reader.spec().extra_attribs}
         reader.close()
         unknown |= {name for name in names - known - silent if not name.startswith(prefixes)}
-    assert unknown <= {"fileHistory", "capDate", "utcOffset", "worldtoscreen", "averagecolor", "ConstantColor"}, unknown
+    told = {"fileHistory", "capDate", "utcOffset", "worldtoscreen", "averagecolor", "ConstantColor", "Copyright"}
+    assert unknown <= told | {"FILE_NAME", "LUMINANCE"}, unknown
 
 
 # --- channels --------------------------------------------------------------------------------------------------------

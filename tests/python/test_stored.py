@@ -93,6 +93,6 @@ def test_a_file_of_a_later_version_is_refused(tmp_path):
     path.mkdir()
     for entry in (STORED / "version1.transport").iterdir():
         text = entry.read_bytes()
-        (path / entry.name).write_bytes(text.replace(b"1,\n    0", b"4,\n    0") if entry.suffix == ".json" else text)
-    with pytest.raises(dl.FileError, match="version 1 to 3 of the format, found version 4"):
+        (path / entry.name).write_bytes(text.replace(b"1,\n    0", b"5,\n    0") if entry.suffix == ".json" else text)
+    with pytest.raises(dl.FileError, match="version 1 to 4 of the format, found version 5"):
         dl.Transport.open(path)

@@ -16,6 +16,7 @@ from deltalux.light.motion import Motion
 from deltalux.relight.entrants import Entrant
 from deltalux.studies import STUDIES, check_study, study
 from deltalux.studies.case import follow, light_errors, lights
+from deltalux.studies.coherence import phase_map
 from deltalux.studies.coherence.coverage import covered_levels
 from deltalux.studies.coherence.energy import spatio_temporal, temporal_haar
 from deltalux.studies.coherence.equal_quality import nwa_light_errors, terms_for
@@ -49,6 +50,7 @@ def named(names):
 @pytest.fixture(autouse=True)
 def few_furnaces(monkeypatch):
     """Rooms of one albedo show all that those of four do; and so do few functions, few samples and one pearl."""
+    monkeypatch.setattr(phase_map, "_SPEEDS", (0.1, 1.0, 10.0))
     monkeypatch.setattr(furnaces, "ALBEDOS", (0.9,))
     monkeypatch.setattr(furnaces, "_BALL_ALBEDOS", (0.9,))
     monkeypatch.setattr(furnace_pages, "ALBEDOS", (0.9,))

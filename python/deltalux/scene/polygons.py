@@ -61,6 +61,12 @@ def _is_convex(polygons: np.ndarray) -> np.ndarray:
     return np.asarray((bends.min(axis=1) >= slack) & (fan.min(axis=1) >= slack))
 
 
+def _is_flat(polygon: np.ndarray, normal: np.ndarray) -> bool:
+    """Whether all corners lie in one plane, to a thousandth of the polygon's size."""
+    away = (polygon - polygon[0]) @ (normal / max(float(np.linalg.norm(normal)), 1e-300))
+    return bool(np.abs(away).max() <= 1e-3 * np.ptp(polygon, axis=0).max())
+
+
 def _cut(polygon: np.ndarray) -> np.ndarray:
     """The triangles of one polygon, seen along its normal: (t, 3) numbers of its corners."""
     import mapbox_earcut
@@ -72,6 +78,9 @@ def _cut(polygon: np.ndarray) -> np.ndarray:
     flat = np.ascontiguousarray(polygon[:, plane] - polygon[0, plane])
     found = mapbox_earcut.triangulate_float64(flat, np.array([len(polygon)], np.uint32))
     triangles = np.asarray(found, np.int64).reshape(-1, 3)
+    if len(triangles) < len(polygon) - 2 and not _is_flat(polygon, normal):
+        # What folds out of its plane has corners that lie on its outline there: a fan shows all of them.
+        return np.stack([np.zeros(len(polygon) - 2, np.int64), *(np.arange(k, len(polygon) - 2 + k) for k in (1, 2))], -1)
     # Either sense comes back; all are to be wound as the polygon.
     a, b, c = flat[triangles].transpose(1, 0, 2)
     turned = np.cross(np.pad(b - a, ((0, 0), (0, 1))), np.pad(c - a, ((0, 0), (0, 1))))[:, 2] < 0.0
