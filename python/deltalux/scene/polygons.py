@@ -80,7 +80,9 @@ def _cut(polygon: np.ndarray) -> np.ndarray:
     triangles = np.asarray(found, np.int64).reshape(-1, 3)
     if len(triangles) < len(polygon) - 2 and not _is_flat(polygon, normal):
         # What folds out of its plane has corners that lie on its outline there: a fan shows all of them.
-        return np.stack([np.zeros(len(polygon) - 2, np.int64), *(np.arange(k, len(polygon) - 2 + k) for k in (1, 2))], -1)
+        return np.stack(
+            [np.zeros(len(polygon) - 2, np.int64), *(np.arange(k, len(polygon) - 2 + k) for k in (1, 2))], -1
+        )
     # Either sense comes back; all are to be wound as the polygon.
     a, b, c = flat[triangles].transpose(1, 0, 2)
     turned = np.cross(np.pad(b - a, ((0, 0), (0, 1))), np.pad(c - a, ((0, 0), (0, 1))))[:, 2] < 0.0
