@@ -23,6 +23,10 @@ class Reporter:
     def __call__(self, done: int, total: int) -> None:
         """So much is done."""
 
+    def after(self, before: int, total: int) -> Callable[[int], None]:
+        """What part of the work tells that comes after so much of all."""
+        return lambda done: self(min(before + done, total), total)
+
     def say(self, text: str) -> None:
         """A line of its own."""
 

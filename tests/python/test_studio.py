@@ -281,6 +281,7 @@ def test_bad_requests(coarse, tmp_path):
     for given, options, what in [
         (scene, {"families": {"sea": floor}}, "sea"),
         (scene, {"families": {"floor": 3}}, "dl.Family"),
+        (scene, {"families": {"floor": dl.Family.even("blinn-phong", (3, 300))}}, "family of segments"),
         (glossy, {"families": {}}, "family for every glossy"),
         (scene, {"families": {}, "gather": 10}, "64 to"),
         (scene, {"families": {}, "bounces": 0}, "1 to 16 bounces"),

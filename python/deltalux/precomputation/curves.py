@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import shutil
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
@@ -20,7 +19,7 @@ from ..brdf import Measured, Model
 from ..brdf.curves import curve_of, kind_of
 from ..checks import Vector, as_vector
 from ..light.environment import Environment
-from ..progress import Progress, Reporter, reporter
+from ..progress import Progress, reporter
 from ..scene.scene import Scene
 from ..surface.material import Material, encoded
 from ..transport.curves import ARRAYS, MANIFEST, VERSION, CurveTransport
@@ -28,14 +27,13 @@ from ..transport.entry import TILE_ROWS, TILES_PER_SHARD
 from ..transport.plan import Part, Plan
 from .edited import Edited, edited
 from .preparation import Prepared, Request, surveyed_bundles
-from .room import check_folder_of
+from .room import check_folder_of, claim
 
 __all__ = ["light_digest", "precompute_curves"]
 
 QUANTUM = -40
 """Rows of curves begin far below those of light: near a highlight a node holds the light of a few thousandths of a
 steradian, and curves there are in the thousands. (Groups whose rows are long take units of their own.)"""
-_JOB = "job.json"
 _FINER = (1, 2, 4, 8)
 _COLUMNS, _CURVE = "haar:64", "curve"
 # Bundles that are looked at first, at most: rows of curves take longer than rows of light.
@@ -184,15 +182,15 @@ class _Curves:
         started = time.perf_counter()
         check_folder_of(path)
         job = self._job()
-        _claim(path, job)
+        claim(path, "a transport of curves", job)
         total = self.prepared.count + sum(map(len, self.rows.values()))
         tell, done = reporter(progress, f"curves of {self.scene.name}"), 0
         light = [self.env.cubemap(CURVE_FACE * finer) for finer in _FINER]
         for number, own in enumerate(self.edited):
             if not (path / f"part-{number}").exists():
-                self._part(path / f"part-{number}", own, light, _behind(tell, done, total))
+                self._part(path / f"part-{number}", own, light, tell.after(done, total))
             done += len(self.rows[own.name])
-        base = self._base(_behind(tell, done, total))
+        base = self._base(tell.after(done, total))
         self._finish(path, base, time.perf_counter() - started)
         tell(total, total)
         return replace(CurveTransport.open(path), _again=partial(self._again, path, progress))
@@ -331,18 +329,3 @@ def _checked(model: Model | Measured) -> Model | Measured:
 def _specular(material: Material) -> Vector:
     """What a material's lobe is multiplied by: white where it has none."""
     return as_vector(np.broadcast_to(np.asarray(material.specular if material.model else 1.0, np.float64), 3))
-
-
-def _behind(tell: Reporter, before: int, total: int) -> _Tell:
-    """Progress of what comes after so many rows."""
-    return lambda done: tell(min(before + done, total), total)
-
-
-def _claim(path: Path, job: str) -> None:
-    """Makes the directory, or takes over one of ours: what was finished of the same job stays."""
-    if path.exists() and (not path.is_dir() or (any(path.iterdir()) and not (path / _JOB).exists())):
-        raise FileExistsError(f"expected no file or a transport of curves at {path}, but something else is there")
-    if path.exists() and not ((path / _JOB).exists() and (path / _JOB).read_text(encoding="utf-8") == job):
-        shutil.rmtree(path)
-    path.mkdir(exist_ok=True)
-    (path / _JOB).write_text(job, encoding="utf-8")

@@ -13,6 +13,7 @@ from ..transport.plan import Plan
 # Bytes: for each pixel that is looked at, and the row that it becomes until receivers are written; each triangle in the
 # tree; and the interpreter with all that it loads.
 PIXEL, TRIANGLE, INTERPRETER = 250.0, 400.0, 120e6
+_JOB = "job.txt"
 
 
 def check_request(scene: Scene) -> None:
@@ -35,6 +36,25 @@ def check_folder_of(path: Path) -> Path:
     if not os.access(folder, os.W_OK):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(folder))
     return folder
+
+
+def claim(path: Path, what: str, job: str) -> None:
+    """Makes the directory of a run, or takes over one of the same kind: what was finished of the same job stays.
+
+    Raises
+    ------
+    FileExistsError
+        If something else is there.
+    """
+    kept, said = path / _JOB, f"{what}\n{job}"
+    found = kept.read_text(encoding="utf-8") if kept.is_file() else None
+    empty = path.is_dir() and not any(path.iterdir())
+    if path.exists() and not empty and (found is None or found.partition("\n")[0] != what):
+        raise FileExistsError(f"expected no file or {what} at {path}, but something else is there")
+    if path.exists() and found != said:
+        shutil.rmtree(path)
+    path.mkdir(exist_ok=True)
+    kept.write_text(said, encoding="utf-8")
 
 
 def check_room(plan: Plan, path: Path) -> None:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict
@@ -36,20 +35,19 @@ from ..brdf.family import Family
 from ..checks import count
 from ..columns.inner import Inner
 from ..light.lamps import PointLight, Spot
-from ..progress import Progress, Reporter, reporter
+from ..progress import Progress, reporter
 from ..scene.scene import Scene
 from ..transport.entry import TILES_PER_SHARD
 from ..transport.plan import Part, Plan
 from ..transport.studio import ARRAYS, EACH, MANIFEST, VERSION, StudioTransport
 from .quality import QUALITIES
-from .room import check_folder_of, check_request
+from .room import check_folder_of, check_request, claim
 
 __all__ = ["precompute_studio"]
 
 QUANTUM = -30
 """Rows are in units of the root of an area: far smaller numbers than those of light from everywhere."""
 _TILE_ROWS = 2048
-_JOB = "job.json"
 _POINTS = ("origin", "normal", "horizon")
 _FEWEST, _MOST = 64, 1 << 18
 _BUNDLES = 6
@@ -145,6 +143,9 @@ class _Studio:
         for name, family in families.items():
             if not isinstance(family, Family):
                 raise ValueError(f"expected a dl.Family for {name}, got {family!r}")
+            again = Family(family.model, family.range, live=family.live, segments=family.segments)
+            if again.errors != family.errors:
+                raise ValueError(f"expected a family of segments for {name}, got {family!r} by Family.even")
         self.numbers = {name: scene.numbered(name) for name in families}
         if scene.emission is not None:
             raise ValueError("expected a scene whose surfaces give off no light: give it lamps at run time")
@@ -178,7 +179,7 @@ class _Studio:
         """Part after part, and last what says that all is there."""
         started = time.perf_counter()
         check_folder_of(path)
-        _claim(path, self._job())
+        claim(path, "a studio", self._job())
         tell = reporter(progress, f"studio of {self.scene.name}")
         tell(0, 1)
         glossy = np.isin(self.scene.material, list(self.numbers.values()))
@@ -193,7 +194,7 @@ class _Studio:
         total, done = sum(len(work.table) for work in works), 0
         thresholds: dict[str, float] = {}
         for work in works:
-            thresholds[work.name] = self._part(path, work, _behind(tell, done, total))
+            thresholds[work.name] = self._part(path, work, tell.after(done, total))
             done += len(work.table)
         self._finish(path, thresholds, time.perf_counter() - started)
         tell(total, total)
@@ -417,18 +418,3 @@ def _prior(lights: list[NDArray[np.float64]], columns: str) -> NDArray[np.float6
         squares += (light**2).sum(axis=1) / max(float((light**2).sum()), 1e-300)
     by_band = np.bincount(bands, squares) / np.bincount(bands)
     return np.maximum(np.sqrt(by_band)[bands], 1e-12)
-
-
-def _behind(tell: Reporter, before: int, total: int) -> Callable[[int], None]:
-    """Progress of what comes after so many rows."""
-    return lambda done: tell(min(before + done, total), total)
-
-
-def _claim(path: Path, job: str) -> None:
-    """Makes the directory, or takes over one of ours: what was finished of the same job stays."""
-    if path.exists() and (not path.is_dir() or (any(path.iterdir()) and not (path / _JOB).exists())):
-        raise FileExistsError(f"expected no file or a studio at {path}, but something else is there")
-    if path.exists() and not ((path / _JOB).exists() and (path / _JOB).read_text(encoding="utf-8") == job):
-        shutil.rmtree(path)
-    path.mkdir(exist_ok=True)
-    (path / _JOB).write_text(job, encoding="utf-8")

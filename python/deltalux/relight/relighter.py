@@ -348,7 +348,7 @@ class Relighter:
         return self._core.nbytes
 
 
-# How many times the bound of truncation is the error: of the built-in scenes, 16 to 230, with a median of this.
+# How many times the bound of truncation is the error, where that was not measured: of the built-in scenes 16 to 230.
 _PESSIMISM = 70.0
 _PESSIMISMS: WeakKeyDictionary[Transport, float] = WeakKeyDictionary()
 
