@@ -265,7 +265,7 @@ def test_runs_resume_and_files_are_opened(coarse, tmp_path):
         dl.StudioTransport.open(tmp_path)
     with pytest.raises(dl.FileError, match="got a transport of light"):
         dl.StudioTransport.open(path / "diffuse")
-    with pytest.raises(dl.FileError, match="expected a transport of curves"):
+    with pytest.raises(dl.FileError, match="expected a transport of curves, got a studio"):
         dl.CurveTransport.open(path)
     about = json.loads((path / "studio.json").read_text())
     for change in ({"version": 9}, {"passes": -1}, {"parts": [{}]}):

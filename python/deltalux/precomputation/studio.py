@@ -267,8 +267,12 @@ class _Studio:
             def of_tile(number: int) -> list[TileData]:
                 first = number * _TILE_ROWS
                 last = min(first + _TILE_ROWS, rows)
-                told = lambda done: tell(first + done)  # noqa: E731
-                return work.made.tiles(first, last - first, threshold=threshold, progress=told, **shared)
+                made = work.made.tiles(
+                    first, last - first, threshold=threshold, progress=lambda done: tell(first + done), **shared
+                )
+                # Of what is made at once the pass has nothing to tell.
+                tell(last)
+                return made
 
             by_factor = list(zip(*(of_tile(number) for number in numbers), strict=True))
             for k, data in enumerate(by_factor):

@@ -135,7 +135,8 @@ class CurveTransport:
         """
         folder = Path(path)
         if not (folder / MANIFEST).exists():
-            what = "a transport of light" if (folder / "manifest.json").exists() else "none"
+            known = {"studio.json": "a studio", "manifest.json": "a transport of light"}
+            what = next((text for name, text in known.items() if (folder / name).exists()), "none")
             raise FileError(f"{folder}: expected a transport of curves, got {what}")
         try:
             about = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
