@@ -170,12 +170,13 @@ def test_truncated_keeps_its_word(cornell, tmp_path):
         (lambda n: np.full((n, 3), np.nan), "finite"),
         (lambda n: np.full((2, n, 3), np.inf), "finite"),
         (lambda n: np.full((n, 3), 1e300), "sane size|finite"),
-        (lambda n: [["a"] * 3] * n, "could not convert"),
     ],
 )
 def test_lights_that_are_refused(cornell, light, message):
     with pytest.raises(ValueError, match=message):
         cornell.multiply(light(cornell.shape[1]))
+    with pytest.raises(TypeError, match="expected V, an array of shape"):
+        cornell.multiply([["a"] * 3] * cornell.shape[1])
 
 
 def test_rows_and_responses_that_are_refused(cornell):
