@@ -91,7 +91,7 @@ def _sweep(sheet: Sheet, findings: Findings) -> None:
         for sweep in SWEEPS
     ]
     sheet.table(["Budget", "Sweep over", *METHODS], lines)
-    caption = "Error against the time of a frame, lamps traced included; the plain product in the corner at 0."
+    caption = "Error against the time of a frame, lamps traced included; the grey line is the time of the plain product."
     with sheet.plot("sweep.png", caption, 1, len(SWEEPS), (11.0, 3.0)) as (_, axes):
         for panel, sweep in zip(axes, SWEEPS, strict=True):
             for name in METHODS:
