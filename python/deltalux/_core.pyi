@@ -819,8 +819,6 @@ class GatherPass:
     def __new__(
         cls, samples: GatherSamples, rows: tuple[Receivers, tuple[float, float, float]] | None, through: list[_Through]
     ) -> GatherPass: ...
-    @property
-    def factors(self) -> int: ...
     def threshold_for(
         self,
         bundles: int,
@@ -860,9 +858,7 @@ class Lamp:
     ) -> Lamp: ...
 
 @final
-class Sights:
-    @property
-    def nbytes(self) -> int: ...
+class Sights: ...
 
 @final
 class LitPoints:

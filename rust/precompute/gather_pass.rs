@@ -21,7 +21,7 @@ use crate::transport::entry::Channels;
 use crate::transport::{GROUP, Measure, Rows16, Survey, Threshold, Truncation, Width};
 
 use super::gather::{Gather, Kernel, SubArea};
-use super::pass::{Advance, BUNDLE_ROWS, Made, Pass, Rays, Shape, Take};
+use super::pass::{Advance, BUNDLE_ROWS, Made, Pass, Rays, Shape, Take, spread};
 use super::standing::Receiver;
 
 /// Rows of receivers over the tree of the samples, a factor for each row of each kernel.
@@ -94,11 +94,9 @@ impl GatherPass {
         let bands = Bands { starts: vec![0, stacked.len()], areas: vec![1.0; stacked.len()], always: 0, texels: 0 };
         let rule = Truncation::with_weights(stacked, 0, 0.0, quantum, width)?;
         let empty = Survey::new(&bands, &rule, lights)?;
-        let all = self.shape.rows.div_ceil(BUNDLE_ROWS);
-        let count = bundles.clamp(1, all);
+        let count = bundles.clamp(1, self.shape.rows.div_ceil(BUNDLE_ROWS));
         let look = |room: &mut Room, k: usize| -> Result<Survey> {
-            let start = (2 * k + 1) * all / (2 * count) * BUNDLE_ROWS;
-            let rows = start..(start + BUNDLE_ROWS).min(self.shape.rows);
+            let rows = spread(self, k, count);
             let (mut survey, mut row) = (empty.clone(), Vec::with_capacity(columns * factors));
             self.bundle(rows.clone(), room, &mut |factor, planes, _| {
                 row.extend_from_slice(planes[0]);

@@ -193,7 +193,7 @@ struct Looked {
 }
 
 /// The k-th of `count` bundles that lie evenly spread over all rows.
-fn spread<P: Pass>(pass: &P, k: usize, count: usize) -> Range<usize> {
+pub(super) fn spread<P: Pass>(pass: &P, k: usize, count: usize) -> Range<usize> {
     let total = pass.shape().rows;
     let start = (2 * k + 1) * total.div_ceil(BUNDLE_ROWS) / (2 * count) * BUNDLE_ROWS;
     start..(start + BUNDLE_ROWS).min(total)

@@ -89,6 +89,16 @@ pub(super) fn to_vec<T: numpy::Element + Copy>(array: &PyReadonlyArray1<'_, T>) 
     array.as_array().iter().copied().collect()
 }
 
+/// Weights of so many columns, how much there is expected to be in each: finite and above 0.
+pub(super) fn column_weights(array: &PyReadonlyArray1<'_, f64>, columns: usize) -> Result<Vec<f64>> {
+    let weights = to_vec(array);
+    if weights.len() != columns || !weights.iter().all(|weight| weight.is_finite() && *weight > 0.0) {
+        let found = weights.len();
+        return Err(Error::input(format!("expected {columns} finite weights above 0, got {found}")));
+    }
+    Ok(weights)
+}
+
 /// A copy of a (rows, 3) array, row-major; `name` is what an error calls it.
 pub(super) fn to_vec_of_rows(name: &str, array: &PyReadonlyArray2<'_, f32>, rows: usize) -> Result<Vec<f32>> {
     if array.shape() != [rows, 3] {

@@ -14,7 +14,7 @@ use crate::precompute::curve::{CURVE_FACE, CurvePass as Core};
 use crate::precompute::{Pass, respond, survey, tile};
 use crate::transport::{Measure, Truncation};
 
-use super::arrays::{coefficients, cubemap_colours, rows_of, table, to_vec, vectors};
+use super::arrays::{coefficients, column_weights, cubemap_colours, rows_of, table, vectors};
 use super::brdf::{Brdf, Measured};
 use super::pieces::TileData;
 use super::rows::Receivers;
@@ -123,11 +123,8 @@ impl CurvePass {
         quantum: i32,
         width: &str,
     ) -> Result<Truncation> {
-        let (weights, bands) = (to_vec(weights), &self.0.shape().bands);
-        if weights.len() != bands.columns() || !weights.iter().all(|weight| weight.is_finite() && *weight > 0.0) {
-            let (expected, found) = (bands.columns(), weights.len());
-            return Err(Error::input(format!("expected {expected} finite weights above 0, got {found}")));
-        }
+        let bands = &self.0.shape().bands;
+        let weights = column_weights(weights, bands.columns())?;
         Truncation::with_weights(weights, bands.always, threshold, quantum, width.parse()?)
     }
 }

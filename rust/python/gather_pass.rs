@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::precompute::{GatherPass as Core, Pass, Receiver, tile};
 use crate::transport::Truncation;
 
-use super::arrays::{coefficients, to_vec};
+use super::arrays::{coefficients, column_weights, to_vec};
 use super::gather::{GatherSamples, Through, kernel, receivers};
 use super::interruptible;
 use super::pieces::TileData;
@@ -24,9 +24,15 @@ type Measured<'py> = (Vec<f64>, PyReadonlyArray2<'py, f64>);
 
 impl GatherPass {
     /// A rule for each factor: the weights of columns times its scale.
-    fn rules(&self, threshold: f64, weights: &[f64], scales: &[f64], stored: (i32, &str)) -> Result<Vec<Truncation>> {
-        let (quantum, width) = (stored.0, stored.1.parse()?);
-        let always = self.0.shape().bands.always;
+    fn rules(
+        &self,
+        threshold: f64,
+        weights: &PyReadonlyArray1<'_, f64>,
+        scales: &[f64],
+        (quantum, width): (i32, &str),
+    ) -> Result<Vec<Truncation>> {
+        let (bands, width) = (&self.0.shape().bands, width.parse()?);
+        let (weights, always) = (column_weights(weights, bands.columns())?, bands.always);
         let rule = |scale: &f64| {
             let weights = weights.iter().map(|weight| weight * scale).collect();
             Truncation::with_weights(weights, always, threshold, quantum, width)
@@ -63,12 +69,6 @@ impl GatherPass {
         Ok(GatherPass(Core::new(scene.tracer(), Arc::clone(&samples.samples), receivers, kernels)?))
     }
 
-    /// Matrices that are made.
-    #[getter]
-    fn factors(&self) -> usize {
-        self.0.shape().factors
-    }
-
     /// (threshold, the worst error that it gives, entries that 16 rows keep) of a relative error of pictures: `weights` how much
     /// light there is in each column, `scales` in each factor.
     #[pyo3(signature = (bundles, *, tolerance, weights, scales, quantum, width, measures, progress = None))]
@@ -85,7 +85,8 @@ impl GatherPass {
         measures: Vec<Measured<'_>>,
         progress: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<(f64, f64, f64)> {
-        let (weights, scales, width) = (to_vec(&weights), to_vec(&scales), width.parse()?);
+        let weights = column_weights(&weights, self.0.shape().bands.columns())?;
+        let (scales, width) = (to_vec(&scales), width.parse()?);
         let measure = |(through, light): &Measured<'_>| Ok((through.clone(), coefficients(light)?.to_vec()));
         let measures = measures.iter().map(measure).collect::<Result<Vec<_>>>()?;
         let found = interruptible(py, progress, |watch| {
@@ -110,7 +111,7 @@ impl GatherPass {
         width: &str,
         progress: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Vec<TileData>> {
-        let rules = self.rules(threshold, &to_vec(&weights), &to_vec(&scales), (quantum, width))?;
+        let rules = self.rules(threshold, &weights, &to_vec(&scales), (quantum, width))?;
         let (tiles, _) = interruptible(py, progress, |watch| {
             tile(&self.0, first..first.saturating_add(rows), &rules, &|done| watch.advance(done))
         })?;

@@ -55,15 +55,6 @@ impl Lamp {
 #[pyclass(frozen, module = "deltalux._core")]
 pub(super) struct Sights(Seen);
 
-#[pymethods]
-impl Sights {
-    /// Bytes.
-    #[getter]
-    fn nbytes(&self) -> usize {
-        self.0.nbytes()
-    }
-}
-
 /// Points of surfaces that lamps shine on.
 #[pyclass(frozen, module = "deltalux._core")]
 pub(super) struct LitPoints {

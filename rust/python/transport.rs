@@ -23,7 +23,7 @@ use crate::transport::{
 };
 use crate::update::{Chain, Mix};
 
-use super::arrays::{to_vec, vectors};
+use super::arrays::{column_weights, to_vec, vectors};
 use super::beside::arrays_beside;
 use super::pieces::{Link, TileData};
 use super::receivers::ReceiverTable;
@@ -494,11 +494,8 @@ impl Transport {
         width: Option<&str>,
     ) -> PyResult<Transport> {
         let matrix = self.matrix();
-        let (weights, width) = (to_vec(&weights), width.map_or(Ok(width_of(matrix)), str::parse)?);
-        if weights.len() != matrix.bands.columns() {
-            let (expected, found) = (matrix.bands.columns(), weights.len());
-            return Err(Error::input(format!("expected {expected} weights, one a column, got {found}")).into());
-        }
+        let weights = column_weights(&weights, matrix.bands.columns())?;
+        let width = width.map_or(Ok(width_of(matrix)), str::parse)?;
         let rule = Truncation::with_weights(weights, matrix.bands.always, threshold, matrix.quantum, width)?;
         compute(py, || {
             let matrix = core::freeze(&self.product().first, &numbers, &rule)?;

@@ -245,9 +245,4 @@ impl Sights {
     fn row(&self, row: usize) -> &[u64] {
         &self.bits[row * self.words..(row + 1) * self.words]
     }
-
-    /// Bytes.
-    pub fn nbytes(&self) -> usize {
-        8 * self.bits.len()
-    }
 }

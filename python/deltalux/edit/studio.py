@@ -61,7 +61,7 @@ class Look:
     colour: Vector | None
     """In the place of its diffuse albedo."""
     k_s: Vector
-    gamma: float | None
+    gamma: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,9 +148,7 @@ class Studio:
         if method is not None and not isinstance(method, Method):
             raise ValueError(f"expected an update method such as Incremental(terms=300), got {method!r}")
         self.transport, self.method = transport, Full() if method is None else method
-        self._looks = {number: Look(_ALL, None, (0.0, 0.0, 0.0), None) for number in self._numbers}
-        for part in transport.parts.values():
-            self._looks[part.number] = Look(_ALL, None, _SHINE, part.family.range[0])
+        self._looks = {name: Look(_ALL, None, _SHINE, own.family.range[0]) for name, own in transport.parts.items()}
         self._live: str | None = None
         self._lighting = Lighting(transport)
         self._frozen: dict[str, tuple[float, Transport]] = {}
@@ -159,11 +157,6 @@ class Studio:
         self._rho, self._still = Kept[Colours](), Kept[NDArray[np.float32]]()
         self.freeze_seconds = 0.0
         """That the last freezing took."""
-
-    @property
-    def _numbers(self) -> range:
-        materials = [self.transport.material, self.transport.diffuse.receivers.material]
-        return range(max(int(own.max()) + 1 for own in materials if own is not None and own.size))
 
     def _part(self, name: str) -> StudioPart:
         parts = self.transport.parts
@@ -228,12 +221,12 @@ class Studio:
             if self._live != name:
                 raise ValueError(f"expected {name} to be edited when its gamma moves: call edit({name!r}) first")
             given["gamma"] = float(gamma)
-        look = replace(self._looks[part.number], **given)
+        look = replace(self._looks[part.name], **given)
         albedo = self.transport.albedo[self.transport.material == part.number].max(axis=0, initial=0.0)
         diffuse = np.asarray(look.k_d) * (albedo if look.colour is None else look.colour)
         if (diffuse + look.k_s).max() > 1.0 + 1e-6:
             warnings.warn(f"{name} may reflect more light than it receives: k_d + k_s is above 1", stacklevel=2)
-        self._looks[part.number] = look
+        self._looks[part.name] = look
 
     def set_lights(self, lamps: Sequence[Lamp], env: Environment | None = None) -> None:
         """Other lamps, from the next frame on; those that stand where they stood are not traced again.
@@ -288,11 +281,8 @@ class Studio:
             converged=followed and sources.done,
             _transport=self.transport,
             _env=self._lighting.env,
-            _live=None if live is None else (live, self._gamma(live)),
+            _live=None if live is None else (live, self._looks[live.name].gamma),
         )
-
-    def _gamma(self, part: StudioPart) -> float:
-        return float(self._looks[part.number].gamma or 0.0)
 
     def _diffuse_looks(self) -> tuple[Any, ...]:
         return tuple((look.k_d, look.colour) for look in self._looks.values())
@@ -301,7 +291,7 @@ class Studio:
         """Diffuse reflectances under the looks of materials."""
         found = albedo.astype(np.float64)
         for part in self.transport.parts.values():
-            look, own = self._looks[part.number], material == part.number
+            look, own = self._looks[part.name], material == part.number
             if look.colour is not None:
                 found[own] = look.colour
             found[own] *= look.k_d
@@ -343,7 +333,7 @@ class Studio:
         rho, diffuse = self._view_reflectance(), self._diffuse(light)
         followers = {name: self._follower(name, light) for name in self.transport.parts}
         still = {name: follower.frame for name, follower in followers.items() if name != self._live}
-        looks = tuple(self._looks[self._part(name).number] for name in still)
+        looks = tuple(self._looks[name] for name in still)
 
         def all_that_stands() -> NDArray[np.float32]:
             """Diffuse light, and the lobes of all materials that are not edited."""
@@ -356,17 +346,17 @@ class Studio:
         values = self._still.made(of, all_that_stands).copy()
         if self._live is not None:
             self._add_lobe(values, sources, self._part(self._live), followers[self._live].frame)
-        shine = {name: max(self._looks[self._part(name).number].k_s) for name in followers}
+        shine = {name: max(self._looks[name].k_s) for name in followers}
         bounds = [shine[name] * _bound(follower, unsure) for name, follower in followers.items()]
         bound = float(rho.max(initial=0.0)) * _bound(diffuse, unsure) + max(bounds, default=0.0)
         return values, bound, all(own.frame.converged for own in (diffuse, *followers.values()))
 
     def _add_lobe(self, values: NDArray[Any], sources: Sources, part: StudioPart, frame: Frame | None) -> None:
         """Adds what the lobe of a material sends to the eye: of lamps, and where there is a frame, of surfaces."""
-        lobe = self._lighting.reflected(sources, part, self._gamma(part))
+        lobe = self._lighting.reflected(sources, part, self._looks[part.name].gamma)
         if frame is not None:
             lobe += frame.values
-        values[part.rows] += np.asarray(self._looks[part.number].k_s) * lobe
+        values[part.rows] += np.asarray(self._looks[part.name].k_s) * lobe
 
     def direct(self) -> NDArray[np.float32]:
         """What rows send to the eye of the lamps' own light, as far as it has been traced.
@@ -392,27 +382,24 @@ class Studio:
     def _follower(self, name: str, light: Colours) -> Follower:
         """The follower of a material's T, live or frozen, at the light and at its gamma."""
         part = self._part(name)
-        gamma, live = self._gamma(part), self._live == name
+        gamma, live = self._looks[part.name].gamma, self._live == name
         mix = part.family.coefficients(gamma) if live else None
-        key = ("live", self._segment(part, gamma)) if live else ("frozen", gamma)
+        key = ("live", part.family._core.segment(gamma)) if live else ("frozen", gamma)
         known = self._followers.get(name)
         if known is None or known[0] != key:
-            transport = part.segments[self._segment(part, gamma)] if live else self._freeze(part, gamma)
+            transport = part.segments[part.family._core.segment(gamma)] if live else self._freeze(part, gamma)
             known = self._followers[name] = (key, Follower(transport, self.method, light, mix))
         known[1].follow(light)
         if mix is not None:
             known[1].mix(mix)
         return known[1]
 
-    def _segment(self, part: StudioPart, gamma: float) -> int:
-        return int(np.searchsorted(part.family.borders[1:], gamma))
-
     def _freeze(self, part: StudioPart, gamma: float) -> Transport:
         """T of a gamma as one matrix, always from T_k."""
         known = self._frozen.get(part.name)
         if known is None or known[0] != gamma:
             began = time.perf_counter()
-            segment = part.segments[self._segment(part, gamma)]
+            segment = part.segments[part.family._core.segment(gamma)]
             numbers = part.family.coefficients(gamma).tolist()
             core = segment._core.frozen(numbers, threshold=part.threshold, weights=self.transport.weights)
             known = (gamma, Transport(core))
@@ -425,9 +412,9 @@ class Studio:
         """Bytes of the matrices that the next frame works with."""
         live = frozen = 0
         for name, part in self.transport.parts.items():
-            gamma = self._gamma(part)
+            gamma = self._looks[part.name].gamma
             if name == self._live:
-                live = part.segments[self._segment(part, gamma)].nbytes
+                live = part.segments[part.family._core.segment(gamma)].nbytes
             else:
                 frozen += self._freeze(part, gamma).nbytes
         return Memory(live, frozen, self.transport.diffuse.nbytes, self.transport.bounces.nbytes)
@@ -435,7 +422,7 @@ class Studio:
     @property
     def looks(self) -> Mapping[str, Look]:
         """How the materials of families look."""
-        return {name: self._looks[part.number] for name, part in self.transport.parts.items()}
+        return dict(self._looks)
 
 
 def _bound(follower: Follower, unsure: float) -> float:

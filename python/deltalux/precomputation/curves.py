@@ -22,7 +22,7 @@ from ..light.environment import Environment
 from ..progress import Progress, reporter
 from ..scene.scene import Scene
 from ..surface.material import Material, encoded
-from ..transport.curves import ARRAYS, MANIFEST, VERSION, CurveTransport
+from ..transport.curves import FOLDER, CurveTransport
 from ..transport.entry import TILE_ROWS, TILES_PER_SHARD
 from ..transport.plan import Part, Plan
 from .edited import Edited, edited
@@ -304,17 +304,13 @@ class _Curves:
                 f"model.{number}": model["models"],
                 f"parameters.{number}": model["parameters"],
             }
-        np.savez(path / ARRAYS, **arrays)  # type: ignore[arg-type]
         about = {
-            "version": VERSION,
             "light": self.light,
             "seconds": seconds,
             "camera": asdict(self.scene.camera),
             "materials": [{"name": own.name, "kind": own.kind, "unexplained": own.unexplained} for own in self.edited],
         }
-        beside = path / f".{MANIFEST}"
-        beside.write_text(json.dumps(about, indent=1), encoding="utf-8")
-        beside.replace(path / MANIFEST)
+        FOLDER.write(path, about, arrays)
 
 
 def _checked(model: Model | Measured) -> Model | Measured:

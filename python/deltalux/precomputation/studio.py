@@ -39,7 +39,7 @@ from ..progress import Progress, reporter
 from ..scene.scene import Scene
 from ..transport.entry import TILES_PER_SHARD
 from ..transport.plan import Part, Plan
-from ..transport.studio import ARRAYS, EACH, MANIFEST, VERSION, StudioTransport
+from ..transport.studio import EACH, FOLDER, StudioTransport
 from .quality import QUALITIES
 from .room import check_folder_of, check_request, claim
 
@@ -361,21 +361,12 @@ class _Studio:
         for of, points in lit.items():
             arrays |= {f"{of}_{what}": own for what, own in zip(_POINTS, points.arrays(), strict=True)}
         arrays |= {f"rows_{self.numbers[name]}": own.astype(np.uint32) for name, own in self.of.items()}
-        np.savez(path / ARRAYS, **arrays)  # type: ignore[arg-type]
         parts = []
         for name, family in self.families.items():
             about = {"name": name, "number": self.numbers[name], "model": family.model, "range": family.range}
             parts.append(about | {"live": family.live, "segments": family.segments, "threshold": thresholds[name]})
-        manifest = {
-            "version": VERSION,
-            "passes": self.passes,
-            "seconds": seconds,
-            "camera": asdict(self.scene.camera),
-            "parts": parts,
-        }
-        beside = path / f".{MANIFEST}"
-        beside.write_text(json.dumps(manifest, indent=1), encoding="utf-8")
-        beside.replace(path / MANIFEST)
+        about = {"passes": self.passes, "seconds": seconds, "camera": asdict(self.scene.camera), "parts": parts}
+        FOLDER.write(path, about, arrays)
 
 
 def _folders(

@@ -2,30 +2,28 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .._core import CURVE, FileError
+from .._core import CURVE
 from ..brdf import Model
 from ..brdf.curves import COSINES, KINDS, Reflectances
 from ..camera import Camera
 from ..checks import Vector, as_vector
 from ..columns import Daubechies4
 from ..surface.material import decoded
+from .folder import Folder, array
 from .transport import Transport
 
-__all__ = ["ARRAYS", "MANIFEST", "VERSION", "CurvePart", "CurveTransport"]
+__all__ = ["FOLDER", "CurvePart", "CurveTransport"]
 
-MANIFEST, ARRAYS, VERSION = "curves.json", "arrays.npz", 2
-_LARGEST = 1 << 30
+FOLDER = Folder("a transport of curves", "curves.json", 2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,23 +131,12 @@ class CurveTransport:
         OSError
             If a file cannot be read.
         """
-        folder = Path(path)
-        if not (folder / MANIFEST).exists():
-            known = {"studio.json": "a studio", "manifest.json": "a transport of light"}
-            what = next((text for name, text in known.items() if (folder / name).exists()), "none")
-            raise FileError(f"{folder}: expected a transport of curves, got {what}")
-        try:
-            about = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-            if about["version"] != VERSION:
-                raise ValueError(f"expected version {VERSION}, found {about['version']!r}")
-            with open(folder / ARRAYS, "rb") as file, np.load(file, allow_pickle=False) as arrays:
-                stored = {name: arrays[name] for name in arrays.files}
+        path = Path(path)
+        with FOLDER.opened(path) as (about, stored):
             camera = Camera(**about["camera"])
-            base = _array(stored, "base", np.float32, (camera.height, camera.width, 3))
-            parts = {own["name"]: _part(folder, own, number, stored) for number, own in enumerate(about["materials"])}
-            return CurveTransport(folder, parts, base, camera, str(about["light"]), float(about["seconds"]))
-        except (ValueError, TypeError, LookupError, RecursionError, EOFError, BadZipFile) as error:
-            raise FileError(f"{folder}: {error}") from None
+            base = array(stored, "base", np.float32, (camera.height, camera.width, 3))
+            parts = {own["name"]: _part(path, own, number, stored) for number, own in enumerate(about["materials"])}
+            return CurveTransport(path, parts, base, camera, str(about["light"]), float(about["seconds"]))
 
     def __repr__(self) -> str:
         return f"<CurveTransport of {', '.join(self.parts)}, {self.nbytes / 1e6:.1f} MB>"
@@ -161,8 +148,8 @@ def _part(folder: Path, about: Mapping[str, Any], number: int, stored: Mapping[s
     if kind not in KINDS:
         raise ValueError(f"expected what is edited of Fresnel's reflectance as one of {', '.join(KINDS)}, got {kind!r}")
 
-    def array(name: str, *shape: int) -> NDArray[np.float64]:
-        return _array(stored, f"{name}.{number}", np.float64, shape)
+    def own(name: str, *shape: int) -> NDArray[np.float64]:
+        return array(stored, f"{name}.{number}", np.float64, shape)
 
     factors = KINDS[kind]
     kinds, numbers = stored[f"model.{number}"].astype(np.uint32), stored[f"parameters.{number}"].astype(np.float64)
@@ -170,20 +157,13 @@ def _part(folder: Path, about: Mapping[str, Any], number: int, stored: Mapping[s
         name=str(about["name"]),
         transport=Transport.open(folder / f"part-{number}"),
         model=decoded(kinds, numbers)[0],
-        curve=array("curve", CURVE, 3),
-        specular=as_vector(array("specular", 3)),
+        curve=own("curve", CURVE, 3),
+        specular=as_vector(own("specular", 3)),
         kind=kind,
-        reflectances=Reflectances(array("functions", factors, len(COSINES))),
-        albedo=array("albedo", factors, CURVE, 3),
+        reflectances=Reflectances(own("functions", factors, len(COSINES))),
+        albedo=own("albedo", factors, CURVE, 3),
         unexplained=None if about["unexplained"] is None else float(about["unexplained"]),
     )
     if str(part.transport.columns) != str(part.columns):
         raise ValueError(f"expected a part over {part.columns}, got {part.transport.columns}")
     return part
-
-
-def _array(stored: Mapping[str, NDArray[Any]], name: str, kind: type, shape: tuple[int, ...]) -> NDArray[Any]:
-    found = stored[name]
-    if found.dtype != kind or found.shape != shape or found.size > _LARGEST or not np.isfinite(found).all():
-        raise ValueError(f"expected {name} of shape {shape}, finite, found {found.dtype} {found.shape}")
-    return found

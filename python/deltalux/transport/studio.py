@@ -2,30 +2,28 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .._core import FileError, LitPoints, SampleTree
+from .._core import LitPoints, SampleTree
 from .._core import Scene as CoreScene
 from ..brdf.family import Family
 from ..camera import Camera
+from .folder import Folder, array
 from .transport import Transport
 
-__all__ = ["ARRAYS", "EACH", "MANIFEST", "VERSION", "StudioPart", "StudioTransport"]
+__all__ = ["EACH", "FOLDER", "StudioPart", "StudioTransport"]
 
-MANIFEST, ARRAYS, VERSION = "studio.json", "arrays.npz", 1
+FOLDER = Folder("a transport of a studio", "studio.json", 1)
 EACH = 4
 """Places of a cell at which light that arrives directly is looked at; their mean is the sample's."""
-_LARGEST = 1 << 31
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,30 +178,19 @@ class StudioTransport:
         OSError
             If a file cannot be read.
         """
-        folder = Path(path)
-        if not (folder / MANIFEST).exists():
-            known = {"curves.json": "a transport of curves", "manifest.json": "a transport of light"}
-            what = next((text for name, text in known.items() if (folder / name).exists()), "none")
-            raise FileError(f"{folder}: expected a transport of a studio, got {what}")
-        try:
-            about = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))
-            if about["version"] != VERSION:
-                raise ValueError(f"expected version {VERSION}, found {about['version']!r}")
-            with open(folder / ARRAYS, "rb") as file, np.load(file, allow_pickle=False) as arrays:
-                stored = {name: arrays[name] for name in arrays.files}
-            diffuse, bounces = Transport.open(folder / "diffuse"), Transport.open(folder / "bounces")
+        path = Path(path)
+        with FOLDER.opened(path) as (about, stored):
+            diffuse, bounces = Transport.open(path / "diffuse"), Transport.open(path / "bounces")
             _check(stored, diffuse, bounces)
-            parts = {own["name"]: _part(folder, own, stored) for own in about["parts"]}
+            parts = {own["name"]: _part(path, own, stored) for own in about["parts"]}
             camera, seconds = Camera(**about["camera"]), float(about["seconds"])
             weights, albedo, material = (stored[name] for name in ("weights", "albedo", "material"))
             passes = int(about["passes"])
             if not 0 <= passes <= 64:
                 raise ValueError(f"expected passes from 0 to 64, found {passes}")
             return StudioTransport(
-                folder, diffuse, bounces, parts, passes, camera, weights, albedo, material, seconds, stored
+                path, diffuse, bounces, parts, passes, camera, weights, albedo, material, seconds, stored
             )
-        except (ValueError, TypeError, LookupError, RecursionError, EOFError, BadZipFile) as error:
-            raise FileError(f"{folder}: {error}") from None
 
     def __repr__(self) -> str:
         rows, columns = self.diffuse.shape
@@ -232,9 +219,7 @@ def _check(stored: Mapping[str, NDArray[Any]], diffuse: Transport, bounces: Tran
         "material": (np.uint16, (samples,)),
     }
     for name, (kind, shape) in shapes.items():
-        found = stored[name]
-        if found.dtype != kind or found.shape != shape or found.size > _LARGEST or not np.isfinite(found).all():
-            raise ValueError(f"expected {name} of shape {shape}, finite, found {found.dtype} {found.shape}")
+        array(stored, name, kind, shape)
     if not ((stored["weights"] > 0).all() and (stored["albedo"] >= 0).all() and (stored["areas"] > 0).all()):
         raise ValueError("expected weights and areas above 0, and albedos of at least 0")
 

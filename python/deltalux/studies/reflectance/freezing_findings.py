@@ -139,7 +139,8 @@ class _Stage:
         middle = float(np.sqrt(low * high))
         studio.set(name, gamma=middle)
         live, memory = studio.step(), studio.memory
-        segment = [gamma for gamma in np.geomspace(low, high, 64) if self._segment(part.family, gamma, middle)]
+        known = part.family._core.segment
+        segment = [gamma for gamma in np.geomspace(low, high, 64) if known(gamma) == known(middle)]
         edits = []
         for gamma in segment[:REPEATS] + segment[-REPEATS:]:
             studio.set(name, gamma=float(gamma))
@@ -154,12 +155,6 @@ class _Stage:
         return Object(
             name, model, memory, studio.freeze_seconds, float(np.median(edits)), float(np.median(moves)), float(off)
         )
-
-    @staticmethod
-    def _segment(family: Family, gamma: float, middle: float) -> bool:
-        """Whether two parameters share a segment."""
-        inner = family.borders[1:-1]
-        return int(np.searchsorted(inner, gamma)) == int(np.searchsorted(inner, middle))
 
     def _move(self, studio: Studio, way: float) -> StudioFrame:
         studio.set_lights([self.lamp(way)])
