@@ -89,6 +89,7 @@ def test_what_is_stored_is_what_samples_say(transport, dense):
     mix = np.tile(part.family.coefficients(GAMMA), (len(part.rows), 1))
     segment = part.segments[int(np.searchsorted(part.family.borders[1:], GAMMA))]
     wanted = dense["T"] @ light
+    np.testing.assert_array_equal(segment.multiply(V, mix=mix), segment.multiply(V, mix=mix[0]))
     np.testing.assert_allclose(segment.multiply(V, mix=mix), wanted, rtol=1e-3, atol=2e-4 * wanted.max())
     sums = transport.bounces.multiply(transport.tree.forward(np.ones((len(light), 3))))
     assert sums.min() >= 0 and sums.max() <= 1 + 1e-4
@@ -100,7 +101,9 @@ def test_a_picture_is_direct_light_and_its_bounces(transport, dense):
     frame = studio.step()
     (part,) = SPOT._parts
     cells = LitPoints.of_cells(transport.scene, dense["samples"], 4)
-    arrived = cells.irradiance(part, cells.sights(part)).reshape(-1, 4, 3).mean(axis=1)
+    sights = cells.sights(part)
+    arrived = cells.irradiance(part, sights).reshape(-1, 4, 3).mean(axis=1)
+    np.testing.assert_allclose(cells.irradiance(part, sights, together=4), arrived, rtol=1e-12)
     albedo = transport.albedo.astype(np.float64)
     passing = light = albedo * arrived
     for _ in range(2):
@@ -110,9 +113,13 @@ def test_a_picture_is_direct_light_and_its_bounces(transport, dense):
     sights = view.sights(part)
     receivers = transport.diffuse.receivers
     wanted = receivers.albedo * (view.irradiance(part, sights) + dense["D"] @ light)
-    lobe = dl.brdf.BlinnPhong(GAMMA).core()
-    eyes = transport.eyes_of(transport.parts["floor"])
-    wanted[rows] += np.array([0.3, 0.2, 0.1]) * (view.reflected(part, sights, rows, eyes, lobe) + dense["T"] @ light)
+    # The floor is level: the lobe's frame is the world's, with y up.
+    up = [0, 2, 1]
+    way = np.asarray(SPOT.position) - receivers.position[rows]
+    lobe = dl.brdf.BlinnPhong(GAMMA).evaluate(way[:, up], transport.eyes_of(transport.parts["floor"])[:, up])
+    shine = np.pi * lobe[:, None] * view.irradiance(part, sights)[rows]
+    assert shine.max() > 0.005 * wanted.max()
+    wanted[rows] += np.array([0.3, 0.2, 0.1]) * (shine + dense["T"] @ light)
     others = np.setdiff1d(
         np.arange(len(wanted)), np.flatnonzero(receivers.material == transport.parts["tall box"].number)
     )

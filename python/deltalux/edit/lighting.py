@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .._core import Glints, Sights
 from .._core import Lamp as CoreLamp
-from .._core import Sights
 from ..light.environment import Environment
 from ..light.lamps import Lamp, far_lamps
 from ..transport.studio import EACH, StudioPart, StudioTransport
@@ -48,8 +47,8 @@ class Lit:
     """Irradiance over pi of the rows of the view."""
     samples: Colours
     """The same of the samples."""
-    reflected: dict[str, tuple[float, Colours]] = field(default_factory=dict)
-    """Of each material its gamma, and what its rows send on of this part."""
+    glints: dict[str, Glints] = field(default_factory=dict)
+    """What of this part leaves the rows of each material through its model."""
 
 
 class Sources(NamedTuple):
@@ -119,7 +118,7 @@ class Lighting:
     def _trace(self, lamp: CoreLamp) -> Lit:
         view, cells = self.transport.view, self.transport.cells
         sights = view.sights(lamp)
-        samples = cells.irradiance(lamp, cells.sights(lamp)).reshape(-1, EACH, 3).mean(axis=1)
+        samples = cells.irradiance(lamp, cells.sights(lamp), together=EACH)
         return Lit(lamp, sights, view.irradiance(lamp, sights), samples)
 
     def view(self, sources: Sources) -> Colours:
@@ -132,14 +131,13 @@ class Lighting:
         shape = (self.transport.bounces.shape[0], 3)
         return self._samples.made(sources, lambda: sources.total(lambda lit: lit.samples, shape))
 
-    def reflected(self, sources: Sources, part: StudioPart, gamma: float) -> Colours:
-        """What the rows of a material send to the eye of the lamps' own light, by the model itself."""
-        return sources.total(partial(self._reflected, part, gamma), (len(part.rows), 3))
+    def glints(self, sources: Sources, part: StudioPart) -> list[tuple[float, Glints]]:
+        """What of the lamps' own light leaves the rows of a material, whatever its gamma: of each part with what it
+        stands for."""
+        return [(weight, self._glints(part, lit)) for weight, lit in sources.parts]
 
-    def _reflected(self, part: StudioPart, gamma: float, lit: Lit) -> Colours:
-        known = lit.reflected.get(part.name)
-        if known is None or known[0] != gamma:
-            eyes, lobe = self.transport.eyes_of(part), (part.family._core, gamma)
-            known = (gamma, self.transport.view.reflected(lit.lamp, lit.sights, part.rows, eyes, lobe))
-            lit.reflected[part.name] = known
-        return known[1]
+    def _glints(self, part: StudioPart, lit: Lit) -> Glints:
+        if part.name not in lit.glints:
+            eyes, family = self.transport.eyes_of(part), part.family._core
+            lit.glints[part.name] = self.transport.view.glints(lit.lamp, lit.sights, part.rows, eyes, family)
+        return lit.glints[part.name]

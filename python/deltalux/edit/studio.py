@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._core import Behind
+from .._core import Behind, add_lobe
 from ..checks import Vector, as_vector
 from ..light.environment import Environment
 from ..light.lamps import Lamp
@@ -337,10 +337,10 @@ class Studio:
 
         def all_that_stands() -> NDArray[np.float32]:
             """Diffuse light, and the lobes of all materials that are not edited."""
-            values = rho * (self._lighting.view(sources) + diffuse.frame.values)
+            values = (rho * (self._lighting.view(sources) + diffuse.frame.values)).astype(np.float32)
             for name, frame in still.items():
                 self._add_lobe(values, sources, self._part(name), frame)
-            return values.astype(np.float32)
+            return values
 
         of = (sources, diffuse.frame, self._diffuse_looks(), tuple(still.values()), looks)
         values = self._still.made(of, all_that_stands).copy()
@@ -351,12 +351,12 @@ class Studio:
         bound = float(rho.max(initial=0.0)) * _bound(diffuse, unsure) + max(bounds, default=0.0)
         return values, bound, all(own.frame.converged for own in (diffuse, *followers.values()))
 
-    def _add_lobe(self, values: NDArray[Any], sources: Sources, part: StudioPart, frame: Frame | None) -> None:
+    def _add_lobe(
+        self, values: NDArray[np.float32], sources: Sources, part: StudioPart, frame: Frame | None
+    ) -> None:
         """Adds what the lobe of a material sends to the eye: of lamps, and where there is a frame, of surfaces."""
-        lobe = self._lighting.reflected(sources, part, self._looks[part.name].gamma)
-        if frame is not None:
-            lobe += frame.values
-        values[part.rows] += np.asarray(self._looks[part.name].k_s) * lobe
+        look, glints = self._looks[part.name], self._lighting.glints(sources, part)
+        add_lobe(values, part.rows, glints, look.gamma, look.k_s, None if frame is None else frame.values)
 
     def direct(self) -> NDArray[np.float32]:
         """What rows send to the eye of the lamps' own light, as far as it has been traced.
@@ -366,10 +366,10 @@ class Studio:
         (rows, 3) float32
         """
         sources = self._lighting.traced()
-        values = self._view_reflectance() * self._lighting.view(sources)
+        values = (self._view_reflectance() * self._lighting.view(sources)).astype(np.float32)
         for part in self.transport.parts.values():
             self._add_lobe(values, sources, part, None)
-        return values.astype(np.float32)
+        return values
 
     def _diffuse(self, light: Colours) -> Follower:
         """The follower of D, at the light."""

@@ -105,28 +105,53 @@ impl Edited {
         Some((fall.min(1.0), fixed))
     }
 
+    /// What the exponent of f_E is a multiple of: ln cos delta, or tan² delta. Infinite at the horizon.
+    pub fn abscissa(self, fall: f64) -> f64 {
+        if self.is_power() {
+            return (-fall).ln_1p();
+        }
+        let cosine = 1.0 - fall;
+        fall * (2.0 - fall) / (cosine * cosine)
+    }
+
+    /// f_E of one parameter, over the abscissa.
+    pub fn at(self, gamma: f64) -> Curve {
+        let gaussian = 1.0 / (PI * gamma * gamma);
+        let (scale, fourth) = match (self.model, self.printed) {
+            (Model::BlinnPhong, false) => {
+                ((gamma + 2.0) * (gamma + 4.0) / (8.0 * PI * ((-0.5 * gamma).exp2() + gamma)), false)
+            }
+            (Model::BlinnPhong, true) | (Model::Lafortune, _) => ((gamma + 2.0) / (2.0 * PI), false),
+            (Model::AshikhminShirley, _) => ((gamma + 1.0) / (8.0 * PI), false),
+            (Model::Ward | Model::WardDuer, _) => (0.25 * gaussian, false),
+            (Model::CookTorrance, printed) => (gaussian, !printed),
+        };
+        Curve { scale, rate: if self.is_power() { gamma } else { -1.0 / (gamma * gamma) }, fourth }
+    }
+
     /// f_E.
     pub fn value(self, gamma: f64, fall: f64) -> f64 {
-        // ln cos delta; at the horizon all lobes have ended.
-        let logarithm = (-fall).ln_1p();
-        if logarithm == f64::NEG_INFINITY {
+        self.at(gamma).value(self.abscissa(fall))
+    }
+}
+
+/// f_E of one parameter: an exponential of the abscissa, for Cook and Torrance over cos^4 delta.
+#[derive(Clone, Copy, Debug)]
+pub struct Curve {
+    scale: f64,
+    rate: f64,
+    fourth: bool,
+}
+
+impl Curve {
+    /// f_E where the abscissa is x; at the horizon all lobes have ended.
+    #[inline(always)]
+    pub fn value(self, x: f64) -> f64 {
+        if x.is_infinite() {
             return 0.0;
         }
-        let power = (gamma * logarithm).exp();
-        let gaussian = |quarters: f64| {
-            let cosine = 1.0 - fall;
-            let tangent2 = fall * (2.0 - fall) / (cosine * cosine);
-            (-tangent2 / (gamma * gamma) - quarters * logarithm).exp() / (PI * gamma * gamma)
-        };
-        match (self.model, self.printed) {
-            (Model::BlinnPhong, false) => {
-                (gamma + 2.0) * (gamma + 4.0) / (8.0 * PI * ((-0.5 * gamma).exp2() + gamma)) * power
-            }
-            (Model::BlinnPhong, true) | (Model::Lafortune, _) => (gamma + 2.0) / (2.0 * PI) * power,
-            (Model::AshikhminShirley, _) => (gamma + 1.0) / (8.0 * PI) * power,
-            (Model::Ward | Model::WardDuer, _) => 0.25 * gaussian(0.0),
-            (Model::CookTorrance, false) => gaussian(4.0),
-            (Model::CookTorrance, true) => gaussian(0.0),
-        }
+        // 1 / cos² = 1 + tan².
+        let over = if self.fourth { (1.0 + x) * (1.0 + x) } else { 1.0 };
+        self.scale * over * (self.rate * x).exp()
     }
 }
