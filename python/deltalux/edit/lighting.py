@@ -13,6 +13,7 @@ from .._core import Glints, Sights
 from .._core import Lamp as CoreLamp
 from ..light.environment import Environment
 from ..light.lamps import Lamp, far_lamps
+from ..transport.passing import StudioNodes
 from ..transport.studio import EACH, StudioPart, StudioTransport
 
 __all__ = ["Colours", "Kept", "Lighting", "Sources"]
@@ -45,8 +46,8 @@ class Lit:
     sights: Sights
     view: Colours
     """Irradiance over pi of the rows of the view."""
-    samples: Colours
-    """The same of the samples."""
+    arrived: dict[str, Colours]
+    """The same of the samples, and of the nodes, in the mean of their cells."""
     glints: dict[str, Glints] = field(default_factory=dict)
     """What of this part leaves the rows of each material through its model."""
 
@@ -81,7 +82,11 @@ class Lighting:
         self._env: Environment | None = None
         self._parts: dict[Any, tuple[CoreLamp, ...]] = {}
         self._lit: dict[Any, list[Lit]] = {}
-        self._view, self._samples = Kept[Colours](), Kept[Colours]()
+        self._view = Kept[Colours]()
+        self._cells = {"samples": transport.cells}
+        if isinstance(transport.between, StudioNodes):
+            self._cells["nodes"] = transport.nodes
+        self._arrived = {name: Kept[Colours]() for name in self._cells}
 
     @property
     def env(self) -> Environment | None:
@@ -116,20 +121,20 @@ class Lighting:
         return Sources(tuple(weighed), done)
 
     def _trace(self, lamp: CoreLamp) -> Lit:
-        view, cells = self.transport.view, self.transport.cells
+        view = self.transport.view
         sights = view.sights(lamp)
-        samples = cells.irradiance(lamp, cells.sights(lamp), together=EACH)
-        return Lit(lamp, sights, view.irradiance(lamp, sights), samples)
+        arrived = {name: own.irradiance(lamp, own.sights(lamp), together=EACH) for name, own in self._cells.items()}
+        return Lit(lamp, sights, view.irradiance(lamp, sights), arrived)
 
     def view(self, sources: Sources) -> Colours:
         """Irradiance over pi of all rows."""
-        shape = (self.transport.diffuse.shape[0], 3)
+        shape = (len(self.transport.view), 3)
         return self._view.made(sources, lambda: sources.total(lambda lit: lit.view, shape))
 
-    def samples(self, sources: Sources) -> Colours:
-        """The same of the samples."""
-        shape = (self.transport.bounces.shape[0], 3)
-        return self._samples.made(sources, lambda: sources.total(lambda lit: lit.samples, shape))
+    def arrived(self, name: str, sources: Sources) -> Colours:
+        """The same of "samples", or of "nodes"."""
+        shape = (len(self._cells[name]) // EACH, 3)
+        return self._arrived[name].made(sources, lambda: sources.total(lambda lit: lit.arrived[name], shape))
 
     def glints(self, sources: Sources, part: StudioPart) -> list[tuple[float, Glints]]:
         """What of the lamps' own light leaves the rows of a material, whatever its gamma: of each part with what it
