@@ -54,7 +54,8 @@ impl Counts {
             return Err(Error::input(format!("expected rows of {counts} counts, got {ends:?} and {nodes} nodes")));
         }
         let found = Counts { starts, nodes, counts, rays };
-        let sum = |row: &[u32]| found.counts[row[0] as usize..row[1] as usize].iter().map(|&n| u64::from(n)).sum::<u64>();
+        let sum =
+            |row: &[u32]| found.counts[row[0] as usize..row[1] as usize].iter().map(|&n| u64::from(n)).sum::<u64>();
         let most = found.starts.windows(2).map(sum).max().unwrap_or(0);
         if most > u64::from(rays) || found.nodes.iter().any(|&node| node as usize >= found.rows()) {
             let rows = found.rows();

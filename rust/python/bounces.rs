@@ -38,13 +38,6 @@ pub(super) struct Nodes {
     barycentric: Vec<[f32; 2]>,
 }
 
-impl Nodes {
-    /// What was placed.
-    pub(super) fn placed(&self) -> &Placed {
-        &self.placed
-    }
-}
-
 #[pymethods]
 impl Nodes {
     /// Places nodes where a camera sees surfaces, or where there is none around the vertices that rows are; and where
@@ -73,6 +66,12 @@ impl Nodes {
     /// How many there are.
     fn __len__(&self) -> usize {
         self.placed.nodes.len()
+    }
+
+    /// The points of all cells, one cell after the other.
+    fn points(&self, scene: Py<Scene>) -> LitPoints {
+        // Of one node at a time, so that its cell stays together.
+        LitPoints::of(scene, self.placed.cell_points(1))
     }
 
     /// Points of each node's cell.

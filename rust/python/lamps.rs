@@ -10,7 +10,6 @@ use crate::error::Error;
 use crate::scene::{Beam, Lamp as Core, Points, Sights as Seen, Source};
 
 use super::arrays::{not_contiguous, rows_of, table, to_vec, vectors};
-use super::bounces::Nodes;
 use super::family::Family;
 use super::gather::GatherSamples;
 use super::rows::Receivers;
@@ -65,6 +64,11 @@ pub(super) struct LitPoints {
 }
 
 impl LitPoints {
+    /// Any points.
+    pub(super) fn of(scene: Py<Scene>, points: Arc<Points>) -> Self {
+        LitPoints { scene, points }
+    }
+
     /// The points themselves.
     pub(super) fn points(&self) -> Arc<Points> {
         Arc::clone(&self.points)
@@ -83,13 +87,6 @@ impl LitPoints {
     #[staticmethod]
     fn of_cells(scene: Py<Scene>, samples: &GatherSamples, each: usize) -> Self {
         LitPoints { scene, points: Arc::new(samples.of_cells(each)) }
-    }
-
-    /// Those of the cells of nodes, one cell after the other.
-    #[staticmethod]
-    fn of_nodes(scene: Py<Scene>, nodes: &Nodes) -> Self {
-        // Of one node at a time, so that its cell stays together.
-        LitPoints { scene, points: nodes.placed().cell_points(1) }
     }
 
     /// Those of `arrays`.

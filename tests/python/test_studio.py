@@ -10,6 +10,7 @@ import deltalux as dl
 import numpy as np
 import pytest
 from deltalux._core import GatherSamples, LitPoints
+from PIL import Image
 
 GATHER, NODES, SIZE, GAMMA = 256, 200, 20, 40.0
 LAMP = dl.PointLight((0.3, 1.7, 0.2), 4.0)
@@ -335,7 +336,10 @@ def test_runs_resume_and_files_are_opened(coarse, tmp_path):
     (path / "studio.json").write_text(json.dumps(about))
     with np.load(path / "nodes.npz") as stored:
         arrays = dict(stored)
-    for change in ({"view_nodes": arrays["view_nodes"] + 2 * NODES}, {"factors_starts": arrays["factors_starts"][::-1]}):
+    for change in (
+        {"view_nodes": arrays["view_nodes"] + 2 * NODES},
+        {"factors_starts": arrays["factors_starts"][::-1]},
+    ):
         np.savez(path / "nodes.npz", **(arrays | change))
         with pytest.raises(dl.FileError):
             dl.StudioTransport.open(path)
@@ -405,3 +409,43 @@ def test_every_draw_of_parameters_is_finite(coarse):
             studio.set_lights([dl.PointLight(rng.uniform(low, high), rng.random(3) * 10)])
             frame = studio.step()
             assert np.isfinite(frame.values).all() and np.isfinite(frame.bound)
+
+
+def test_a_session_moves_lamps_and_edits(coarse, tmp_path, capsys):
+    from deltalux.command.cli import main
+
+    spot = {"kind": "spot", "position": [-0.4, 1.8, 0.3], "target": [0.2, 0, 0], "intensity": [6, 5, 4], "angle": 40}
+    steps = [
+        {"title": "a spot", "lights": [spot]},
+        {"lights": [spot | {"position": [0.4, 1.8, 0.3]}], "frames": 2},
+        {"material": "floor", "set": {"gamma": 120, "k_s": 0.2}, "frames": 3},
+        {"lights": [{"kind": "point", "position": [0.3, 1.7, 0.2], "intensity": 4}]},
+    ]
+    session, out = tmp_path / "session.json", tmp_path / "out"
+    command = ["edit", str(coarse.path), "--session", str(session), "-o", str(out)]
+    session.write_text(json.dumps(steps))
+    assert main(command) == 0
+    assert {"index.html", "frames.csv", "times.png", *(f"step-{k:02}.png" for k in range(4))} <= {
+        path.name for path in out.iterdir()
+    }
+    lines = (out / "frames.csv").read_text().splitlines()
+    assert [line.split(",")[0] for line in lines[1:]] == ["0", "1", "1", "2", "2", "2", "3"]
+    # What it leads to is what is asked of a studio at once.
+    studio = lit(coarse, LAMP, gamma=120.0, k_s=0.2)
+    picture = dl.io.to_display(studio.step().image, dl.io.auto_exposure(lit(coarse, SPOT).step().image))
+    np.testing.assert_array_equal(np.asarray(Image.open(out / "step-03.png")), picture)
+    for wrong in (
+        {"a": 1},
+        [],
+        [{"material": "floor", "set": {"gamma": 9}}],
+        [{"lights": [{"kind": "sun"}]}],
+        [{"lights": [spot], "frames": 0}],
+        [{"lights": [spot], "set": {"gamma": 9}}],
+        [{"lights": [spot | {"size": 3}]}],
+        [{"lights": [spot]}, {"material": "sea", "set": {"gamma": 9}}],
+        [{"lights": [spot]}, {"material": "floor", "set": {"gamma": 1e9}}],
+    ):
+        session.write_text(json.dumps(wrong))
+        assert main(command) == 2
+    assert main([*command[:2], "-o", str(out)]) == 2
+    assert "expected --session" in capsys.readouterr().err

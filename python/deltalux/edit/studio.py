@@ -344,9 +344,7 @@ class Studio:
         followed = received.converged and all(own.frame.converged for own in followers.values())
         return values, stands.bound + max(bounds, default=0.0), followed
 
-    def _add_lobe(
-        self, values: NDArray[np.float32], sources: Sources, part: StudioPart, frame: Frame | None
-    ) -> None:
+    def _add_lobe(self, values: NDArray[np.float32], sources: Sources, part: StudioPart, frame: Frame | None) -> None:
         """Adds what the lobe of a material sends to the eye: of lamps, and where there is a frame, of surfaces."""
         look, glints = self._looks[part.name], self._lighting.glints(sources, part)
         add_lobe(values, part.rows, glints, look.gamma, look.k_s, None if frame is None else frame.values)

@@ -22,7 +22,18 @@ from ..transport.plan import Solve
 from ..transport.transport import Transport
 from .quality import Quality
 
-__all__ = ["ALL", "MOST_NODES", "RESIDUAL", "Between", "KnownNodes", "NodePart", "Nodes", "PlacedNodes", "between", "linked"]
+__all__ = [
+    "ALL",
+    "MOST_NODES",
+    "RESIDUAL",
+    "Between",
+    "KnownNodes",
+    "NodePart",
+    "Nodes",
+    "PlacedNodes",
+    "between",
+    "linked",
+]
 
 MOST_NODES = 32_768
 """Where no other number is asked: F and the rows of nodes grow with them."""

@@ -41,8 +41,8 @@ from ..light.lamps import PointLight, Spot
 from ..progress import Progress, reporter
 from ..scene.scene import Scene
 from ..transport.entry import TILES_PER_SHARD
-from ..transport.plan import Part, Plan
 from ..transport.passing import NODES, StudioNodes
+from ..transport.plan import Part, Plan
 from ..transport.studio import EACH, FOLDER, POINTS, StudioTransport
 from .between import MOST_NODES, linked
 from .quality import QUALITIES
@@ -252,7 +252,7 @@ class _Studio:
         samples = linked(sources, core, places, settings, lambda _: tell(3 * len(self.rows) // 2))
         material = scene.material[placed.triangle[::EACH]].astype(np.uint16)
         made = StudioNodes(between.factors(), albedo, material, view.weights, samples.weights)
-        points = LitPoints.of_nodes(core, placed).arrays()
+        points = placed.points(core).arrays()
         made.save(path, {f"node_{what}": own for what, own in zip(POINTS, points, strict=True)})
 
     def _rows(self, name: str) -> Receivers:
@@ -381,7 +381,13 @@ class _Studio:
         """What a run is known by."""
         families = {name: [own.model, *own.borders, own.live] for name, own in self.families.items()}
         about = {"scene": self.scene.content_hash(), "families": families, "gather": self.gather}
-        more = {"passes": self.passes, "nodes": self.cap, "quality": self.quality, "tolerance": self.tolerance, "version": __version__}
+        more = {
+            "passes": self.passes,
+            "nodes": self.cap,
+            "quality": self.quality,
+            "tolerance": self.tolerance,
+            "version": __version__,
+        }
         return json.dumps(about | more, sort_keys=True)
 
     def _finish(self, path: Path, thresholds: Mapping[str, float], seconds: float) -> None:

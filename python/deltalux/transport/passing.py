@@ -1,7 +1,7 @@
 """What carries diffuse light between the surfaces of a studio: nodes, or its gather samples as published.
 
-    nodes      E = E_d + F rho E, ..        few, each with what its own rays meet; rows of the view take by weights
-    samples    L = L_d + rho M_s L, D L     as Nguyen 2010 has it: matrices over the tree of all samples
+nodes      E = E_d + F rho E, ..        few, each with what its own rays meet; rows of the view take by weights
+samples    L = L_d + rho M_s L, D L     as Nguyen 2010 has it: matrices over the tree of all samples
 """
 
 from __future__ import annotations
@@ -78,8 +78,14 @@ class StudioNodes:
     def save(self, path: Path, points: Mapping[str, NDArray[Any]]) -> None:
         """Keeps them in a directory, whole or not at all, with the points of their cells."""
         arrays: dict[str, NDArray[Any]] = {"albedo": self.albedo, "material": self.material, **points}
-        for name, own in (("factors", self.factors), ("view", self.view), ("samples", self.samples)):
-            arrays |= {f"{name}_{what}": each for what, each in zip(_SPARSE, own.arrays(), strict=True)}
+        sparse: dict[str, NodeFactors | NodeWeights] = {
+            "factors": self.factors,
+            "view": self.view,
+            "samples": self.samples,
+        }
+        for name, own in sparse.items():
+            each: list[NDArray[Any]] = [*own.arrays()]
+            arrays |= {f"{name}_{what}": numbers for what, numbers in zip(_SPARSE, each, strict=True)}
         arrays["exponents"] = np.array([self.factors.rays, self.view.exponent, self.samples.exponent], np.int64)
         beside = path / f".{NODES}"
         with open(beside, "wb") as file:
@@ -97,11 +103,12 @@ class StudioNodes:
         """
         nodes = len(stored["material"])
         rays, *exponents = (int(x) for x in array(stored, "exponents", np.int64, (3,)))
-        factors = NodeFactors(*_sparse(stored, "factors", nodes), rays)
-        taking = [
-            NodeWeights(*_sparse(stored, name, count), exponent, 2 * nodes)
-            for name, count, exponent in zip(("view", "samples"), (rows, samples), exponents, strict=True)
-        ]
+        starts, others, numbers = _sparse(stored, "factors", nodes)
+        factors = NodeFactors(starts, others, numbers, rays)
+        taking = []
+        for name, count, exponent in zip(("view", "samples"), (rows, samples), exponents, strict=True):
+            starts, others, numbers = _sparse(stored, name, count)
+            taking.append(NodeWeights(starts, others, numbers, exponent, 2 * nodes))
         albedo = array(stored, "albedo", np.float32, (nodes, 3))
         material = array(stored, "material", np.uint16, (nodes,))
         if not (albedo >= 0).all():
@@ -112,8 +119,14 @@ class StudioNodes:
 _SPARSE = ("starts", "nodes", "numbers")
 
 
-def _sparse(stored: Mapping[str, NDArray[Any]], name: str, rows: int) -> list[NDArray[Any]]:
+def _sparse(
+    stored: Mapping[str, NDArray[Any]], name: str, rows: int
+) -> tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.uint16]]:
     """Starts of rows, and a node and a number each."""
     count = len(stored[f"{name}_numbers"])
-    kinds: list[tuple[type, int]] = [(np.uint32, rows + 1), (np.uint32, count), (np.uint16, count)]
-    return [array(stored, f"{name}_{what}", kind, (size,)) for what, (kind, size) in zip(_SPARSE, kinds, strict=True)]
+    starts, nodes, numbers = (f"{name}_{what}" for what in _SPARSE)
+    return (
+        array(stored, starts, np.uint32, (rows + 1,)),
+        array(stored, nodes, np.uint32, (count,)),
+        array(stored, numbers, np.uint16, (count,)),
+    )

@@ -192,7 +192,8 @@ class StudioTransport:
         with FOLDER.opened(path) as (about, stored):
             samples = len(stored["areas"])
             view = {name[6:]: own for name, own in stored.items() if name.startswith("pixel_")}
-            pixels = Pixels(ReceiverTable.pixels(image=tuple(int(x) for x in view.pop("image")), **view))
+            height, width = (int(x) for x in view.pop("image"))
+            pixels = Pixels(ReceiverTable.pixels(image=(height, width), **view))
             between, beside = _between(path, len(pixels), samples)
             stored |= beside
             _check(stored, len(pixels), samples, len(beside.get("material", ())))
