@@ -26,7 +26,7 @@ def box():
 def families():
     return {
         "floor": dl.Family("blinn-phong", (3, 300), live=5, segments=2),
-        "tall box": dl.Family("ward", (0.1, 1), live=4, segments=1),
+        "tall box": dl.Family("cook-torrance", (0.1, 1), live=4, segments=1, f0=0.3),
     }
 
 
@@ -70,6 +70,7 @@ def dense():
     family = families()["floor"]
     return {
         "samples": samples,
+        "gathers": lambda numbers, through: samples.rows(rows, numbers.tolist(), eye, through).astype(np.float64),
         "D": samples.rows(rows, numbers, eye, None)[:, 0].astype(np.float64),
         "T": np.einsum(
             "k,nkg->ng",
@@ -103,6 +104,19 @@ def test_what_is_stored_is_what_samples_say(transport, dense):
     np.testing.assert_allclose(segment.multiply(V, mix=mix), wanted, rtol=1e-3, atol=2e-4 * wanted.max())
     sums = transport.between.bounces.multiply(transport.tree.forward(np.ones((len(light), 3))))
     assert sums.min() >= 0 and sums.max() <= 1 + 1e-4
+
+
+def test_facets_reflect_more_at_grazing_angles(dense):
+    """Schlick's factor in rows of a family: those of the model that has it."""
+    family = dl.Family("ashikhmin-shirley", (10, 100), live=5, segments=1, f0=0.05)
+    some = dense["floor"][::9]
+    found = np.einsum("k,nkg->ng", family.coefficients(GAMMA), dense["gathers"](some, (family._core, GAMMA)))
+    wanted = dense["gathers"](some, dl.brdf.AshikhminShirley(GAMMA, f0=0.05).core())[:, 0]
+    mirrors = dense["gathers"](some, dl.brdf.AshikhminShirley(GAMMA, f0=1.0).core())[:, 0]
+    assert np.abs(found - wanted).sum() < 0.01 * wanted.sum()
+    assert wanted.sum() > 0.055 * mirrors.sum()
+    with pytest.raises(ValueError, match="no facets"):
+        dl.Family("lafortune", (10, 100), live=5, segments=1, f0=0.5)
 
 
 def test_a_picture_is_direct_light_and_its_bounces(transport, dense):

@@ -53,9 +53,14 @@ proptest! {
 
     /// The table has the functions and the other factor, to what 32-bit floats hold.
     #[test]
-    fn tables_of_families_are_the_families((wi, wo) in pairs(), at in 0..MODELS.len(), segment in 0usize..2) {
+    fn tables_of_families_are_the_families(
+        (wi, wo) in pairs(),
+        at in 0..MODELS.len(),
+        segment in 0usize..2,
+        f0 in prop_oneof![Just(1.0), 0.0f64..1.0],
+    ) {
         let model = MODELS[at].1;
-        let edited = Edited { model, printed: false };
+        let edited = Edited { model, printed: false, f0: if model == Model::Lafortune { 1.0 } else { f0 } };
         let family = Family::segmented(edited, range(model), 5, 2).unwrap();
         let lookup = family.lookup(segment);
         let Some((fall, fixed)) = edited.fixed(wi, wo).filter(|_| wi[2] > 0.02 && wo[2] > 0.02) else { return Ok(()) };
@@ -173,7 +178,7 @@ fn lamps_send_what_their_formulas_say() {
         let up = vec![[0.0f32, 1.0, 0.0]; points.len()];
         // What leaves is f of what arrives, whose cosine and 1 / pi are in it.
         for (_, model) in MODELS {
-            let edited = Edited { model, printed: false };
+            let edited = Edited { model, printed: false, f0: 1.0 };
             let glints = lamp.glints(&mesh, (&points, &sights), &rows, &up, edited);
             for gamma in range(model) {
                 let curve = glints.curve(gamma);

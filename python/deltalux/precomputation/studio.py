@@ -154,7 +154,7 @@ class _Studio:
         for name, family in families.items():
             if not isinstance(family, Family):
                 raise ValueError(f"expected a dl.Family for {name}, got {family!r}")
-            again = Family(family.model, family.range, live=family.live, segments=family.segments)
+            again = Family(family.model, family.range, live=family.live, segments=family.segments, f0=family.f0)
             if again.errors != family.errors:
                 raise ValueError(f"expected a family of segments for {name}, got {family!r} by Family.even")
         self.numbers = {name: scene.numbered(name) for name in families}
@@ -379,7 +379,7 @@ class _Studio:
 
     def _job(self) -> str:
         """What a run is known by."""
-        families = {name: [own.model, *own.borders, own.live] for name, own in self.families.items()}
+        families = {name: [own.model, *own.borders, own.live, own.f0] for name, own in self.families.items()}
         about = {"scene": self.scene.content_hash(), "families": families, "gather": self.gather}
         more = {
             "passes": self.passes,
@@ -409,7 +409,7 @@ class _Studio:
         parts = []
         for name, family in self.families.items():
             about = {"name": name, "number": self.numbers[name], "model": family.model, "range": family.range}
-            parts.append(about | {"live": family.live, "segments": family.segments, "threshold": thresholds[name]})
+            parts.append(about | {"live": family.live, "segments": family.segments, "f0": family.f0, "threshold": thresholds[name]})
         about = {"passes": self.passes, "seconds": seconds, "camera": asdict(self.scene.camera), "parts": parts}
         FOLDER.write(path, about, arrays)
 
