@@ -24,6 +24,7 @@ from deltalux.studies.coherence.ghosts import cubemap_ghosts, image_ghosts
 from deltalux.studies.coherence.plane import Candidate, best_within, candidates, measure
 from deltalux.studies.coherence.reset_raster import rasters
 from deltalux.studies.factored import findings as factor_findings
+from deltalux.studies.factored import views
 from deltalux.studies.interreflection import furnace_pages, furnaces
 from deltalux.studies.pictures import cross
 from deltalux.studies.reflectance import carriers, edits, family_findings, freezing_findings, gather, pearls
@@ -59,6 +60,7 @@ def few_furnaces(monkeypatch):
     monkeypatch.setattr(factor_findings, "_FRAMES", 2)
     monkeypatch.setattr(factor_findings, "_EYES", 8)
     monkeypatch.setattr(factor_findings, "_SIDE", 6)
+    monkeypatch.setattr(views, "_FRAMES", 3)
     monkeypatch.setattr(pearls, "_SIZE", (12, 9))
     for name in ("GGX", "Ashikhmin-Shirley"):
         monkeypatch.delitem(edits.MODELS, name)

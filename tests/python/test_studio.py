@@ -70,7 +70,10 @@ def dense():
     family = families()["floor"]
     return {
         "samples": samples,
-        "gathers": lambda numbers, through: samples.rows(rows, numbers.tolist(), eye, through).astype(np.float64),
+        # By as many points of each cell, however narrow a lobe is.
+        "gathers": lambda numbers, through: samples.rows(
+            rows, numbers.tolist(), eye, through, sub_area="cell", points=16
+        ).astype(np.float64),
         "D": samples.rows(rows, numbers, eye, None)[:, 0].astype(np.float64),
         "T": np.einsum(
             "k,nkg->ng",

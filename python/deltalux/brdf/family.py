@@ -45,8 +45,8 @@ class Family:
     ===================  ========  ================================================  ===========================
 
     cos and tan are of delta, the angle between the normal and the half vector h; Lafortune's delta has the cosine
-    max(0, Cx wix wox + Cy wiy woy + Cz wiz woz) / max abs(C). Constants are those of `deltalux.brdf`. F is Schlick's, of
-    `f0`, in f_F of every model but Lafortune's.
+    max(0, Cx wix wox + Cy wiy woy + Cz wiz woz) / max abs(C). Constants are those of `deltalux.brdf`. F is
+    Schlick's, of `f0`, and belongs to f_F of every model but Lafortune's.
 
     Parameters
     ----------

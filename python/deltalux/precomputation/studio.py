@@ -408,8 +408,9 @@ class _Studio:
         arrays |= {f"rows_{self.numbers[name]}": own.astype(np.uint32) for name, own in self.of.items()}
         parts = []
         for name, family in self.families.items():
-            about = {"name": name, "number": self.numbers[name], "model": family.model, "range": family.range}
-            parts.append(about | {"live": family.live, "segments": family.segments, "f0": family.f0, "threshold": thresholds[name]})
+            about = {"name": name, "number": self.numbers[name], "threshold": thresholds[name]}
+            own = {"model": family.model, "range": family.range, "live": family.live, "segments": family.segments}
+            parts.append(about | own | {"f0": family.f0})
         about = {"passes": self.passes, "seconds": seconds, "camera": asdict(self.scene.camera), "parts": parts}
         FOLDER.write(path, about, arrays)
 
