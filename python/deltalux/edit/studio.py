@@ -81,8 +81,8 @@ class StudioFrame:
         Parts of it: what lamps see, light of the samples, and the products behind them.
     bound
         No value is further off than this from what untruncated matrices give for the light as it has been traced: by
-        light that is not sent yet, by truncation, and by rounding. What gather samples and families are off by
-        themselves is no part of it.
+        light that is not sent yet, by truncation, and by rounding. What nodes, gather samples and families are
+        off by themselves is no part of it.
     converged
         Whether all lamps have been traced in full, and all light has been sent.
     """
