@@ -251,8 +251,8 @@ def _part(folder: Path, about: Mapping[str, Any], stored: Mapping[str, NDArray[A
     """One material of a manifest."""
     number = int(about["number"])
     low, high = about["range"]
-    live, segments, f0 = int(about["live"]), int(about["segments"]), float(about["f0"])
-    family = Family(about["model"], (low, high), live=live, segments=segments, f0=f0)
+    parts, f0 = int(about["segments"]), float(about["f0"])
+    family = Family(about["model"], (low, high), live=int(about["live"]), segments=parts, f0=f0)
     segments = tuple(Transport.open(folder / f"part-{number}-{k}") for k in range(family.segments))
     rows = stored[f"rows_{number}"]
     if rows.dtype != np.uint32 or rows.shape != (segments[0].shape[0],):
