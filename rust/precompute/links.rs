@@ -46,6 +46,39 @@ pub struct Counts {
 }
 
 impl Counts {
+    /// Refuses starts that do not ascend to the number of counts, nodes that are none, and rows of more rays than there are.
+    pub fn new(starts: Vec<u32>, nodes: Vec<u32>, counts: Vec<u16>, rays: u32) -> Result<Counts> {
+        let ends = (starts.first().copied(), starts.last().map(|&last| last as usize));
+        if ends != (Some(0), Some(counts.len())) || !starts.is_sorted() || nodes.len() != counts.len() {
+            let (nodes, counts) = (nodes.len(), counts.len());
+            return Err(Error::input(format!("expected rows of {counts} counts, got {ends:?} and {nodes} nodes")));
+        }
+        let found = Counts { starts, nodes, counts, rays };
+        let sum =
+            |row: &[u32]| found.counts[row[0] as usize..row[1] as usize].iter().map(|&n| u64::from(n)).sum::<u64>();
+        let most = found.starts.windows(2).map(sum).max().unwrap_or(0);
+        if most > u64::from(rays) || found.nodes.iter().any(|&node| node as usize >= found.rows()) {
+            let rows = found.rows();
+            return Err(Error::input(format!("expected nodes below {rows} and at most {rays} rays, got {most}")));
+        }
+        Ok(found)
+    }
+
+    /// What arrives at each node of radiosity that leaves all.
+    pub fn passed(&self, light: &[[f64; 3]]) -> Vec<[f64; 3]> {
+        let unit = 1.0 / f64::from(self.rays);
+        let one = |row: usize| {
+            let own = self.starts[row] as usize..self.starts[row + 1] as usize;
+            let mut sum = [0.0; 3];
+            for (&node, &count) in self.nodes[own.clone()].iter().zip(&self.counts[own]) {
+                let (from, count) = (light[node as usize], f64::from(count));
+                (0..3).for_each(|c| sum[c] += count * from[c]);
+            }
+            sum.map(|x| unit * x)
+        };
+        (0..self.rows()).into_par_iter().with_min_len(64).map(one).collect()
+    }
+
     /// The nodes of a row and the share of its rays that each has.
     pub fn row(&self, row: usize) -> impl Iterator<Item = (usize, f64)> {
         let range = self.starts[row] as usize..self.starts[row + 1] as usize;

@@ -8,14 +8,16 @@ use pyo3::prelude::*;
 use crate::error::Error;
 use crate::precompute::links::Check;
 use crate::precompute::{
-    self as core, DirectPass, FormFactors, Gathering, Interreflection, NodePass, Pass, form_factors, tile,
+    self as core, DirectPass, FormFactors, Gathering, Interreflection, Lobes, NodePass, Pass, form_factors, tile,
 };
-use crate::scene::{self as core_scene, CELL, Node, Placed, Spacing, Wanted};
+use crate::scene::{self as core_scene, CELL, Node, Placed, Points, Spacing, Wanted};
 use crate::transport::entry::Channels;
 use crate::transport::{MAX_TILE_ROWS, Tile, Truncation};
 
-use super::arrays::{rows_of, table, to_vec_of_rows, triples};
+use super::arrays::{rows_of, table, to_vec_of_rows};
 use super::emission::Emitters;
+use super::lamps::LitPoints;
+use super::passing::{NodeFactors, NodeWeights};
 use super::pieces::{Link, TileData};
 use super::rows::{Camera, Receivers};
 use super::scene::Scene;
@@ -66,6 +68,12 @@ impl Nodes {
         self.placed.nodes.len()
     }
 
+    /// The points of all cells, one cell after the other.
+    fn points(&self, scene: Py<Scene>) -> LitPoints {
+        // Of one node at a time, so that its cell stays together.
+        LitPoints::of(scene, self.placed.cell_points(1))
+    }
+
     /// Points of each node's cell.
     #[classattr]
     const CELL: usize = CELL;
@@ -96,6 +104,23 @@ pub(super) struct Sources {
     /// The mean colour of each, and the mean albedo that its own rays meet.
     albedo: Vec<f64>,
     seen: Vec<f64>,
+}
+
+/// Who takes from nodes.
+#[derive(FromPyObject)]
+enum Taking<'py> {
+    Rows(Bound<'py, Receivers>),
+    Points(Bound<'py, LitPoints>),
+}
+
+impl Taking<'_> {
+    /// Points, and the lobes that some take through.
+    fn of(&self) -> (Arc<Points>, Arc<Lobes>) {
+        match self {
+            Taking::Rows(rows) => (rows.get().points(), rows.get().lobes()),
+            Taking::Points(points) => (points.get().points(), Arc::default()),
+        }
+    }
 }
 
 /// Numbers of a node as they are kept: place, normal, origin, spacing, reach, albedo and what it sees.
@@ -156,19 +181,19 @@ impl Sources {
         self.nodes.len()
     }
 
-    /// Links receivers to the nodes by `side` x `side` rays each; `audit`: the error of the albedo seen that makes a row
+    /// Links receivers, or points by cosines, to the nodes by `side` x `side` rays each; `audit`: the error of the albedo seen that makes a row
     /// gather.
     #[pyo3(signature = (scene, receivers, *, side, audit, progress = None))]
     fn links(
         &self,
         py: Python<'_>,
         scene: &Bound<'_, Scene>,
-        receivers: &Bound<'_, Receivers>,
+        receivers: Taking<'_>,
         side: usize,
         audit: f64,
         progress: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Links> {
-        let (scene, points, lobes) = (scene.get(), receivers.get().points(), receivers.get().lobes());
+        let (scene, (points, lobes)) = (scene.get(), receivers.of());
         let links = interruptible(py, progress, |watch| {
             let (gathering, advance) = (Gathering { side, audit }, |done| watch.advance(done));
             core::links(scene.surfaces(), &self.nodes, (&points, &lobes), gathering, &self.albedo, &self.seen, &advance)
@@ -269,6 +294,11 @@ impl Bounces {
     fn sources(&self) -> Sources {
         let albedo = (0..self.albedo.len()).map(|node| self.mean(node)).collect();
         Sources::new(&self.placed, albedo, &self.factors)
+    }
+
+    /// How light passes between them.
+    fn factors(&self) -> NodeFactors {
+        NodeFactors(self.factors.counts.clone())
     }
 
     /// What the nodes' rows are under the light of emitters, which does not move: (2 nodes, 3) float64, by twice `side` x
@@ -403,19 +433,10 @@ impl Links {
         (self.links.unspoken, self.links.audited, self.links.few, self.links.glossy)
     }
 
-    /// What receivers take of a light of nodes' rows, (2 nodes, 3) float64: (receivers, 3).
-    fn taken<'py>(&self, py: Python<'py>, light: PyReadonlyArray2<'py, f64>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let light = triples("a light of nodes", &light)?;
-        let weights = &self.links.weights;
-        if weights.node_count() > light.len() {
-            return Err(Error::input(format!("expected a light for every node's rows, got {}", light.len())).into());
-        }
-        let taken = (0..weights.rows()).map(|row| {
-            weights
-                .row(row)
-                .fold([0.0; 3], |sum, (node, weight)| std::array::from_fn(|k| sum[k] + weight * light[node][k]))
-        });
-        table(py, taken.collect())
+    /// What receivers take of a light of nodes' rows.
+    #[getter]
+    fn weights(&self) -> NodeWeights {
+        NodeWeights(Arc::new(self.links.weights.clone()))
     }
 
     /// Bytes.

@@ -34,17 +34,24 @@ fn falls(delta: &PyReadonlyArray1<'_, f64>) -> Result<Vec<f64>> {
 
 #[pymethods]
 impl Family {
-    /// The fewest live functions, and then the fewest segments, that reach an error.
+    /// The fewest live functions, and then the fewest segments, that reach an error; `f0`: of facets.
     #[staticmethod]
-    fn within(py: Python<'_>, model: &str, range: [f64; 2], error: f64) -> PyResult<Family> {
-        let edited = Edited::named(model, false)?;
+    fn within(py: Python<'_>, model: &str, range: [f64; 2], error: f64, f0: f64) -> PyResult<Family> {
+        let edited = Edited::named(model, false)?.with_facets(f0)?;
         compute(py, || Core::within(edited, range, error)).map(|family| Family(Arc::new(family)))
     }
 
     /// As many of both as are asked for.
     #[staticmethod]
-    fn segmented(py: Python<'_>, model: &str, range: [f64; 2], live: usize, segments: usize) -> PyResult<Family> {
-        let edited = Edited::named(model, false)?;
+    fn segmented(
+        py: Python<'_>,
+        model: &str,
+        range: [f64; 2],
+        live: usize,
+        segments: usize,
+        f0: f64,
+    ) -> PyResult<Family> {
+        let edited = Edited::named(model, false)?.with_facets(f0)?;
         compute(py, || Core::segmented(edited, range, live, segments)).map(|family| Family(Arc::new(family)))
     }
 

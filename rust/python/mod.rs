@@ -14,6 +14,7 @@ mod harmonics;
 mod interrupt;
 mod lamps;
 mod light;
+mod passing;
 mod pieces;
 mod receivers;
 mod relight;
@@ -73,6 +74,7 @@ fn core_module(module: &Bound<'_, PyModule>) -> PyResult<()> {
     gather::register(module)?;
     gather_pass::register(module)?;
     lamps::register(module)?;
+    passing::register(module)?;
     clusters::register(module)?;
     curves::register(module)?;
     emission::register(module)?;

@@ -529,7 +529,12 @@ impl Transport {
 }
 
 /// A mix from an array (rows, factors).
+///
+/// Where an array repeats one row by a stride of 0, so does the mix.
 pub(super) fn mix_of(weights: &PyReadonlyArray2<'_, f32>) -> Result<Mix> {
+    if weights.strides()[0] == 0 && weights.shape()[0] > 1 {
+        return Mix::alike(weights.as_array().row(0).to_vec(), weights.shape()[0]);
+    }
     Mix::new(weights.as_array().iter().copied().collect(), weights.shape()[1])
 }
 

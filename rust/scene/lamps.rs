@@ -13,12 +13,15 @@ use rayon::prelude::*;
 use super::mesh::Mesh;
 use super::rays::{Apex, FAN, Segments, Tracer, Walk, fans};
 use super::surface::{Points, dot};
-use crate::brdf::Direction;
+use crate::brdf::family::{Curve, Edited};
 use crate::error::{Error, Result};
 use crate::sampling::frame;
 
 /// Nearer than this, in the normalised scene, a source is as bright as here.
 const NEAREST: f64 = 1e-4;
+
+/// Points whose glints one thread finds at a time.
+const GLINTS: usize = 512;
 
 /// How a source shines by direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,12 +59,6 @@ pub struct Lamp {
 pub struct Sights {
     words: usize,
     bits: Vec<u64>,
-}
-
-/// Light that arrives: from where, and how much a facing surface receives, in three colours.
-struct Arriving {
-    towards: [f64; 3],
-    colour: [f64; 3],
 }
 
 impl Beam {
@@ -183,61 +180,155 @@ impl Lamp {
         }
     }
 
-    /// What arrives at a point, source after source.
-    fn arriving<'a>(&'a self, mesh: &'a Mesh, place: [f32; 3], bits: &'a [u64]) -> impl Iterator<Item = Arriving> + 'a {
-        let at = place.map(f64::from);
-        self.sources.iter().enumerate().filter(|(number, _)| bits[number / 64] >> (number % 64) & 1 == 1).map(
-            move |(_, source)| {
-                if self.far {
-                    return Arriving { towards: source.at, colour: source.colour };
-                }
-                let from = mesh.normalised(source.at);
-                let way: [f64; 3] = std::array::from_fn(|k| f64::from(from[k]) - at[k]);
-                let square = dot(way, way);
-                let length = square.sqrt().max(f64::MIN_POSITIVE);
-                let towards = way.map(|x| x / length);
-                // Lengths of the user's unit.
-                let share =
-                    source.beam.along(towards.map(|x| -x)) * mesh.scale * mesh.scale / square.max(NEAREST * NEAREST);
-                Arriving { towards, colour: source.colour.map(|x| x * share) }
-            },
-        )
+    /// Ready for many points.
+    fn shining(&self, mesh: &Mesh) -> Shining<'_> {
+        let from = |source: &Source| if self.far { source.at } else { mesh.normalised(source.at).map(f64::from) };
+        Shining { lamp: self, from: self.sources.iter().map(from).collect(), unit: mesh.scale * mesh.scale }
     }
 
-    /// The irradiance of all points, over pi: what a white surface sends on.
-    pub fn irradiance(&self, mesh: &Mesh, points: &Points, sights: &Sights) -> Vec<[f64; 3]> {
-        let one = |row: usize| {
-            let normal = points.normal[row].map(f64::from);
-            self.arriving(mesh, points.origin[row], sights.row(row)).fold([0.0; 3], |sum, light| {
-                let cosine = dot(light.towards, normal).max(0.0) / std::f64::consts::PI;
-                std::array::from_fn(|c| sum[c] + cosine * light.colour[c])
-            })
+    /// The irradiance of points over pi, what a white surface sends on: in the mean of each `together` neighbours.
+    pub fn irradiance(&self, mesh: &Mesh, points: &Points, sights: &Sights, together: usize) -> Vec<[f64; 3]> {
+        let shining = self.shining(mesh);
+        let share = 1.0 / (std::f64::consts::PI * together as f64);
+        let one = |number: usize| {
+            let mut sum = [0.0; 3];
+            for row in number * together..(number + 1) * together {
+                let normal = points.normal[row].map(f64::from);
+                shining.arriving(points.origin[row], sights.row(row), |source, towards, facing| {
+                    let cosine = dot(towards, normal).max(0.0) * facing;
+                    (0..3).for_each(|c| sum[c] += cosine * self.sources[source].colour[c]);
+                });
+            }
+            sum.map(|x| share * x)
         };
-        (0..points.len()).into_par_iter().with_min_len(FAN).map(one).collect()
+        (0..points.len() / together).into_par_iter().with_min_len(FAN).map(one).collect()
     }
 
-    /// What some points reflect to eyes, unit vectors, by a lobe: f of the directions to the light and to the eye.
-    pub fn reflected(
+    /// What reaches some points and leaves them to eyes, unit vectors, by a model: ready for any parameter of it.
+    pub fn glints(
         &self,
         mesh: &Mesh,
         (points, sights): (&Points, &Sights),
         rows: &[u32],
         eyes: &[[f32; 3]],
-        lobe: &(dyn Fn(Direction, Direction) -> f64 + Sync),
-    ) -> Vec<[f64; 3]> {
-        let one = |(&row, eye): (&u32, &[f32; 3])| {
-            let row = row as usize;
-            let normal = points.normal[row].map(f64::from);
-            let [tangent, bitangent] = frame(normal);
-            let axes = [tangent, bitangent, normal];
-            let wo = axes.map(|axis| dot(axis, eye.map(f64::from)));
-            self.arriving(mesh, points.origin[row], sights.row(row)).fold([0.0; 3], |sum, light| {
-                let wi = axes.map(|axis| dot(axis, light.towards));
-                let share = if wi[2] > 0.0 && wo[2] > 0.0 { lobe(wi, wo) * wi[2] } else { 0.0 };
-                std::array::from_fn(|c| sum[c] + share * light.colour[c])
-            })
+        edited: Edited,
+    ) -> Glints {
+        let shining = self.shining(mesh);
+        let of_rows = |(rows, eyes): (&[u32], &[[f32; 3]])| {
+            let (mut counts, mut each) = (Vec::with_capacity(rows.len()), Vec::with_capacity(rows.len()));
+            for (&row, eye) in rows.iter().zip(eyes) {
+                let (row, before) = (row as usize, each.len());
+                let normal = points.normal[row].map(f64::from);
+                let [tangent, bitangent] = frame(normal);
+                let axes = [tangent, bitangent, normal];
+                let wo = axes.map(|axis| dot(axis, eye.map(f64::from)));
+                shining.arriving(points.origin[row], sights.row(row), |source, towards, facing| {
+                    let wi = axes.map(|axis| dot(axis, towards));
+                    if wi[2] <= 0.0 || wo[2] <= 0.0 {
+                        return;
+                    }
+                    if let Some((fall, fixed)) = edited.fixed(wi, wo) {
+                        let (at, share) = (edited.abscissa(fall) as f32, (fixed * wi[2] * facing) as f32);
+                        each.push(Glint { at, share, source: source as u32 });
+                    }
+                });
+                counts.push((each.len() - before) as u32);
+            }
+            (counts, each)
         };
-        rows.par_iter().zip(eyes).with_min_len(FAN).map(one).collect()
+        let parts: Vec<_> = rows.par_chunks(GLINTS).zip(eyes.par_chunks(GLINTS)).map(of_rows).collect();
+        let colours = self.sources.iter().map(|source| source.colour).collect();
+        let mut all = Glints { edited, colours, starts: vec![0], each: Vec::new() };
+        for (counts, each) in parts {
+            for count in counts {
+                all.starts.push(all.starts[all.starts.len() - 1] + count);
+            }
+            all.each.extend(each);
+        }
+        all
+    }
+}
+
+/// A lamp in the normalised scene.
+struct Shining<'a> {
+    lamp: &'a Lamp,
+    /// Places, or of far ones directions.
+    from: Vec<[f64; 3]>,
+    /// What an area of the user's is there.
+    unit: f64,
+}
+
+impl Shining<'_> {
+    /// What arrives at a point: `take(source, towards it, what of its colour a facing surface receives)`, source after source.
+    #[inline(always)]
+    fn arriving(&self, place: [f32; 3], bits: &[u64], mut take: impl FnMut(usize, [f64; 3], f64)) {
+        let at = place.map(f64::from);
+        for (word, &bits) in bits.iter().enumerate() {
+            let mut left = bits;
+            while left != 0 {
+                let source = 64 * word + left.trailing_zeros() as usize;
+                left &= left - 1;
+                let from = self.from[source];
+                if self.lamp.far {
+                    take(source, from, 1.0);
+                    continue;
+                }
+                let way: [f64; 3] = std::array::from_fn(|k| from[k] - at[k]);
+                let square = dot(way, way);
+                let over = 1.0 / square.sqrt().max(f64::MIN_POSITIVE);
+                let towards = way.map(|x| x * over);
+                let beam = self.lamp.sources[source].beam.along(towards.map(|x| -x));
+                // Lengths of the user's unit.
+                take(source, towards, beam * self.unit / square.max(NEAREST * NEAREST));
+            }
+        }
+    }
+}
+
+/// Light of one source that leaves a point to an eye through a lobe.
+#[derive(Clone, Copy, Debug)]
+struct Glint {
+    /// The abscissa of f_E.
+    at: f32,
+    /// All that does not depend on the parameter, of the source's colour.
+    share: f32,
+    source: u32,
+}
+
+/// What of a lamp leaves some points through a model, whatever its parameter: f_E is all that is left to be taken.
+#[derive(Clone, Debug)]
+pub struct Glints {
+    edited: Edited,
+    colours: Vec<[f64; 3]>,
+    /// Those of point n are `each[starts[n]..starts[n + 1]]`.
+    starts: Vec<u32>,
+    each: Vec<Glint>,
+}
+
+impl Glints {
+    /// Points.
+    pub fn len(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// f_E of a parameter, for `reflected`.
+    pub fn curve(&self, gamma: f64) -> Curve {
+        self.edited.at(gamma)
+    }
+
+    /// What a point sends to its eye.
+    pub fn reflected(&self, point: usize, curve: Curve) -> [f64; 3] {
+        let own = &self.each[self.starts[point] as usize..self.starts[point + 1] as usize];
+        own.iter().fold([0.0; 3], |sum, glint| {
+            let share = f64::from(glint.share) * curve.value(f64::from(glint.at));
+            let colour = self.colours[glint.source as usize];
+            std::array::from_fn(|c| sum[c] + share * colour[c])
+        })
     }
 }
 

@@ -15,7 +15,7 @@ pub mod vertices;
 
 pub use camera::Camera;
 pub use gather_samples::GatherSamples;
-pub use lamps::{Beam, Lamp, Sights, Source};
+pub use lamps::{Beam, Glints, Lamp, Sights, Source};
 pub use mesh::Mesh;
 pub use nodes::{CELL, Node, Nodes, Placed, Spacing, Wanted};
 pub use receivers::{PixelSampling, Receivers};

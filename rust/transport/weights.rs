@@ -7,6 +7,8 @@
 //! Nothing of it is incremental: it is summed whole and in this order in every frame, so that it is a function of exact
 //! sums, and B after any history is that of a fresh product.
 
+use rayon::prelude::*;
+
 use crate::error::{Error, Result};
 
 use super::slab::Slab;
@@ -99,6 +101,21 @@ impl Weights {
         let unit = self.unit();
         let pairs = self.nodes[range.clone()].iter().zip(&self.weights[range]);
         pairs.map(move |(&number, &weight)| (named(number), signed(number, weight) * unit))
+    }
+
+    /// What all rows take of values of nodes.
+    pub fn taken(&self, values: &[[f64; 3]]) -> Vec<[f64; 3]> {
+        let unit = self.unit();
+        let one = |row: usize| {
+            let own = self.starts[row] as usize..self.starts[row + 1] as usize;
+            let mut sum = [0.0; 3];
+            for (&number, &weight) in self.nodes[own.clone()].iter().zip(&self.weights[own]) {
+                let (value, weight) = (values[named(number)], signed(number, weight));
+                (0..3).for_each(|c| sum[c] += weight * value[c]);
+            }
+            sum.map(|x| unit * x)
+        };
+        (0..self.rows()).into_par_iter().with_min_len(256).map(one).collect()
     }
 
     /// Whether any is negative.

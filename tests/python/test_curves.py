@@ -353,8 +353,13 @@ def test_another_light_is_made_on_request(tmp_path, light):
     before = editor.step().image
     editor.set_light(other, recompute=True)
     assert not np.array_equal(editor.step().image, before)
-    with pytest.raises(ValueError, match="keeps no scene"):
-        dl.BrdfEditor(dl.CurveTransport.open(tmp_path / "a")).set_light(light, recompute=True)
+    # A file keeps no scene, and is made anew in its place from the one that it was made of.
+    opened = dl.BrdfEditor(dl.CurveTransport.open(tmp_path / "a"))
+    for scene, what in [(None, "scene="), (3, "dl.Scene"), (plane_scene(9), "another camera")]:
+        with pytest.raises(ValueError, match=what):
+            opened.set_light(light, recompute=True, scene=scene)
+    opened.set_light(light, recompute=True, scene=plane_scene(8))
+    assert np.array_equal(opened.step().image, before)
 
 
 def test_requests_are_refused_before_any_work(tmp_path, light):

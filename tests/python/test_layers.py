@@ -67,8 +67,8 @@ PYTHON_NEVER = {
 TRACES = {
     "studies/harmonics/blocker",
     *(f"studies/interreflection/{name}" for name in ("tracing", "furnaces", "furnace_pages", "bounces", "slides")),
-    *(f"studies/factored/{name}" for name in ("findings", "factors", "__init__")),
-    *(f"studies/reflectance/{name}" for name in ("freezing", "freezing_findings")),
+    *(f"studies/factored/{name}" for name in ("findings", "factors", "views", "__init__")),
+    *(f"studies/reflectance/{name}" for name in ("carriers", "freezing", "freezing_findings")),
     *(f"studies/interreflection/bounce_{name}" for name in ("findings", "pictures", "claims")),
     *(f"studies/reflectance/{name}" for name in ("pearls", "curves")),
     *("studies/catalogue", "studies/run", "studies/__init__"),

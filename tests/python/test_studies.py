@@ -24,9 +24,10 @@ from deltalux.studies.coherence.ghosts import cubemap_ghosts, image_ghosts
 from deltalux.studies.coherence.plane import Candidate, best_within, candidates, measure
 from deltalux.studies.coherence.reset_raster import rasters
 from deltalux.studies.factored import findings as factor_findings
+from deltalux.studies.factored import views
 from deltalux.studies.interreflection import furnace_pages, furnaces
 from deltalux.studies.pictures import cross
-from deltalux.studies.reflectance import edits, family_findings, freezing_findings, gather, pearls
+from deltalux.studies.reflectance import carriers, edits, family_findings, freezing_findings, gather, pearls
 from deltalux.update.methods import Full, Incremental, Nonlinear, PerBand
 from hypothesis import given
 from hypothesis import strategies as st
@@ -59,6 +60,7 @@ def few_furnaces(monkeypatch):
     monkeypatch.setattr(factor_findings, "_FRAMES", 2)
     monkeypatch.setattr(factor_findings, "_EYES", 8)
     monkeypatch.setattr(factor_findings, "_SIDE", 6)
+    monkeypatch.setattr(views, "_FRAMES", 3)
     monkeypatch.setattr(pearls, "_SIZE", (12, 9))
     for name in ("GGX", "Ashikhmin-Shirley"):
         monkeypatch.delitem(edits.MODELS, name)
@@ -67,6 +69,8 @@ def few_furnaces(monkeypatch):
     monkeypatch.setattr(gather, "_SIDE", 8)
     for name, value in {"GATHER": 128, "FRAMES": 3, "TERMS": (6,), "REPEATS": 1}.items():
         monkeypatch.setattr(freezing_findings, name, value)
+    for name, value in {"ASKED": (("nodes", 64, 20), ("D", 64, 0)), "ROWS": 8, "SIDE": 4, "REPEATS": 1}.items():
+        monkeypatch.setattr(carriers, name, value)
 
 
 def corner():

@@ -10,8 +10,9 @@ import deltalux as dl
 import numpy as np
 import pytest
 from deltalux._core import GatherSamples, LitPoints
+from PIL import Image
 
-GATHER, SIZE, GAMMA = 256, 20, 40.0
+GATHER, NODES, SIZE, GAMMA = 256, 200, 20, 40.0
 LAMP = dl.PointLight((0.3, 1.7, 0.2), 4.0)
 SPOT = dl.Spot((-0.4, 1.8, 0.3), (0.2, 0.0, 0.0), (6.0, 5.0, 4.0), angle=40)
 PANEL = dl.AreaLight((-0.2, 1.95, -0.2), (0.4, 0, 0), (0, 0, 0.4), 8.0)
@@ -25,7 +26,7 @@ def box():
 def families():
     return {
         "floor": dl.Family("blinn-phong", (3, 300), live=5, segments=2),
-        "tall box": dl.Family("ward", (0.1, 1), live=4, segments=1),
+        "tall box": dl.Family("cook-torrance", (0.1, 1), live=4, segments=1, f0=0.3),
     }
 
 
@@ -33,16 +34,25 @@ def families():
 def transport(tmp_path_factory):
     path = tmp_path_factory.mktemp("studio") / "box.studio"
     return dl.precompute_studio(
-        box(), path, families=families(), gather=GATHER, bounces=3, quality="lossless", progress=False
+        box(), path, families=families(), gather=GATHER, bounces=3, nodes=0, quality="lossless", progress=False
+    )
+
+
+@pytest.fixture(scope="module")
+def truncated(tmp_path_factory):
+    """The same, truncated."""
+    path = tmp_path_factory.mktemp("studio") / "box.studio"
+    return dl.precompute_studio(
+        box(), path, families=families(), gather=GATHER, bounces=3, nodes=0, tolerance=0.03, progress=False
     )
 
 
 @pytest.fixture(scope="module")
 def coarse(tmp_path_factory):
-    """The same, truncated."""
+    """The same over nodes."""
     path = tmp_path_factory.mktemp("studio") / "box.studio"
     return dl.precompute_studio(
-        box(), path, families=families(), gather=GATHER, bounces=3, tolerance=0.03, progress=False
+        box(), path, families=families(), gather=GATHER, bounces=3, nodes=NODES, tolerance=0.03, progress=False
     )
 
 
@@ -60,6 +70,10 @@ def dense():
     family = families()["floor"]
     return {
         "samples": samples,
+        # By as many points of each cell, however narrow a lobe is.
+        "gathers": lambda numbers, through: samples.rows(
+            rows, numbers.tolist(), eye, through, sub_area="cell", points=16
+        ).astype(np.float64),
         "D": samples.rows(rows, numbers, eye, None)[:, 0].astype(np.float64),
         "T": np.einsum(
             "k,nkg->ng",
@@ -83,15 +97,29 @@ def test_what_is_stored_is_what_samples_say(transport, dense):
     """D L and sum_k c_k T_k L over the tree, against rows over the samples; M_s sums to at most 1."""
     light = np.random.default_rng(1).random((len(dense["samples"]), 3))
     V = transport.tree.forward(light)
-    np.testing.assert_allclose(transport.diffuse.multiply(V), dense["D"] @ light, rtol=2e-4, atol=2e-6)
+    np.testing.assert_allclose(transport.between.diffuse.multiply(V), dense["D"] @ light, rtol=2e-4, atol=2e-6)
     part = transport.parts["floor"]
     np.testing.assert_array_equal(part.rows, dense["floor"])
     mix = np.tile(part.family.coefficients(GAMMA), (len(part.rows), 1))
     segment = part.segments[int(np.searchsorted(part.family.borders[1:], GAMMA))]
     wanted = dense["T"] @ light
+    np.testing.assert_array_equal(segment.multiply(V, mix=mix), segment.multiply(V, mix=mix[0]))
     np.testing.assert_allclose(segment.multiply(V, mix=mix), wanted, rtol=1e-3, atol=2e-4 * wanted.max())
-    sums = transport.bounces.multiply(transport.tree.forward(np.ones((len(light), 3))))
+    sums = transport.between.bounces.multiply(transport.tree.forward(np.ones((len(light), 3))))
     assert sums.min() >= 0 and sums.max() <= 1 + 1e-4
+
+
+def test_facets_reflect_more_at_grazing_angles(dense):
+    """Schlick's factor in rows of a family: those of the model that has it."""
+    family = dl.Family("ashikhmin-shirley", (10, 100), live=5, segments=1, f0=0.05)
+    some = dense["floor"][::9]
+    found = np.einsum("k,nkg->ng", family.coefficients(GAMMA), dense["gathers"](some, (family._core, GAMMA)))
+    wanted = dense["gathers"](some, dl.brdf.AshikhminShirley(GAMMA, f0=0.05).core())[:, 0]
+    mirrors = dense["gathers"](some, dl.brdf.AshikhminShirley(GAMMA, f0=1.0).core())[:, 0]
+    assert np.abs(found - wanted).sum() < 0.01 * wanted.sum()
+    assert wanted.sum() > 0.055 * mirrors.sum()
+    with pytest.raises(ValueError, match="no facets"):
+        dl.Family("lafortune", (10, 100), live=5, segments=1, f0=0.5)
 
 
 def test_a_picture_is_direct_light_and_its_bounces(transport, dense):
@@ -100,19 +128,25 @@ def test_a_picture_is_direct_light_and_its_bounces(transport, dense):
     frame = studio.step()
     (part,) = SPOT._parts
     cells = LitPoints.of_cells(transport.scene, dense["samples"], 4)
-    arrived = cells.irradiance(part, cells.sights(part)).reshape(-1, 4, 3).mean(axis=1)
+    sights = cells.sights(part)
+    arrived = cells.irradiance(part, sights).reshape(-1, 4, 3).mean(axis=1)
+    np.testing.assert_allclose(cells.irradiance(part, sights, together=4), arrived, rtol=1e-12)
     albedo = transport.albedo.astype(np.float64)
     passing = light = albedo * arrived
     for _ in range(2):
-        passing = albedo * transport.bounces.multiply(transport.tree.forward(passing))
+        passing = albedo * transport.between.bounces.multiply(transport.tree.forward(passing))
         light = light + passing
     view, rows = transport.view, transport.parts["floor"].rows
     sights = view.sights(part)
-    receivers = transport.diffuse.receivers
+    receivers = transport.pixels
     wanted = receivers.albedo * (view.irradiance(part, sights) + dense["D"] @ light)
-    lobe = dl.brdf.BlinnPhong(GAMMA).core()
-    eyes = transport.eyes_of(transport.parts["floor"])
-    wanted[rows] += np.array([0.3, 0.2, 0.1]) * (view.reflected(part, sights, rows, eyes, lobe) + dense["T"] @ light)
+    # The floor is level: the lobe's frame is the world's, with y up.
+    up = [0, 2, 1]
+    way = np.asarray(SPOT.position) - receivers.position[rows]
+    lobe = dl.brdf.BlinnPhong(GAMMA).evaluate(way[:, up], transport.eyes_of(transport.parts["floor"])[:, up])
+    shine = np.pi * lobe[:, None] * view.irradiance(part, sights)[rows]
+    assert shine.max() > 0.005 * wanted.max()
+    wanted[rows] += np.array([0.3, 0.2, 0.1]) * (shine + dense["T"] @ light)
     others = np.setdiff1d(
         np.arange(len(wanted)), np.flatnonzero(receivers.material == transport.parts["tall box"].number)
     )
@@ -121,10 +155,54 @@ def test_a_picture_is_direct_light_and_its_bounces(transport, dense):
     assert frame.bound < 0.01 * wanted.max() and 0 < frame.residual < 0.02
 
 
-def test_edits_and_moves_leave_no_trace(coarse):
+def test_nodes_pass_light_on(coarse):
+    """By the formula, from dense matrices: radiosity between nodes, and a pass behind it what samples send on."""
+    nodes, count = coarse.between, len(coarse.between)
+
+    def dense(sparse, columns, unit):
+        starts, numbers, weights = sparse.arrays()
+        rows = np.zeros((len(starts) - 1, columns))
+        np.add.at(rows, (np.repeat(np.arange(len(rows)), np.diff(starts)), numbers), unit * weights.astype(np.float64))
+        return rows
+
+    F = dense(nodes.factors, count, 1 / nodes.factors.rays)
+    view, own = (dense(taking, 2 * count, 2.0**taking.exponent) for taking in (nodes.view, nodes.samples))
+    assert F.sum(axis=1).max() <= 1 and view.sum(axis=1).max() <= 1 + 1e-12
+    (part,) = SPOT._parts
+    studio = lit(coarse, SPOT)
+    studio.set("floor", k_s=0)
+    studio.set("tall box", k_s=0)
+    passed = [coarse.nodes.irradiance(part, coarse.nodes.sights(part), together=4)]
+    for _ in range(3):
+        passed.append(F @ (nodes.albedo * passed[-1]))
+    rows = [np.concatenate([sum(passed[1 : n + 1]), nodes.albedo * sum(passed[:n])]) for n in (3, 2)]
+    direct = coarse.view.irradiance(part, coarse.view.sights(part))
+    np.testing.assert_allclose(
+        studio.step().values, coarse.pixels.albedo * (direct + view @ rows[0]), rtol=1e-5, atol=1e-7
+    )
+    arrived = coarse.cells.irradiance(part, coarse.cells.sights(part), together=4)
+    sources = studio._lighting.traced()
+    np.testing.assert_allclose(
+        studio._light_of_samples(sources).light,
+        coarse.tree.forward(coarse.albedo * (arrived + own @ rows[1])),
+        rtol=1e-9,
+        atol=1e-12,
+    )
+
+
+def test_nodes_and_samples_say_the_same(transport, coarse):
+    """To what so few of both leave: the light of all surfaces together, and that of parts of the picture."""
+    one, other = lit(transport, SPOT, gamma=GAMMA).step().image, lit(coarse, SPOT, gamma=GAMMA).step().image
+    tiles = [image.reshape(5, 4, 5, 4, 3).mean(axis=(1, 3)) for image in (one, other)]
+    assert abs(one.sum() / other.sum() - 1) < 0.15
+    assert np.abs(tiles[0] - tiles[1]).sum() < 0.2 * tiles[0].sum()
+
+
+@pytest.mark.parametrize("method", [None, dl.Incremental(terms=20)])
+def test_edits_and_moves_leave_no_trace(coarse, truncated, method):
     """Edit, light move, edit back and light back: the first picture, bit for bit; and under another method too."""
-    for method in (None, dl.Incremental(terms=20)):
-        studio = lit(coarse, LAMP, gamma=30.0, method=method)
+    for made in (coarse, truncated):
+        studio = lit(made, LAMP, gamma=30.0, method=method)
         first = studio.step().values
         for gamma, lamp in [(100.0, LAMP), (100.0, SPOT), (4.0, SPOT), (30.0, LAMP)]:
             studio.set("floor", gamma=gamma)
@@ -147,7 +225,7 @@ def test_frozen_is_live_to_its_bound_and_starts_from_live(coarse):
     frozen = studio.step()
     assert np.abs(frozen.values - live.values).max() <= frozen.bound + live.bound
     assert studio.memory.live == 0 and studio.memory.frozen < memory.live
-    assert studio.memory.diffuse == coarse.diffuse.nbytes and studio.memory.bounces == coarse.bounces.nbytes
+    assert (studio.memory.diffuse, studio.memory.bounces) == coarse.between.sizes
     bits = studio._frozen["floor"][1]._core
     studio.edit("floor")
     studio.set("floor", gamma=100)
@@ -164,9 +242,9 @@ def test_frozen_is_live_to_its_bound_and_starts_from_live(coarse):
 
 
 @pytest.mark.parametrize("method", [None, dl.Incremental(terms=6), dl.PerBand(terms=6), dl.Nonlinear(terms=6)])
-def test_no_value_is_further_off_than_the_bound(transport, coarse, method):
+def test_no_value_is_further_off_than_the_bound(transport, truncated, method):
     """A lamp that sweeps, with few terms: against untruncated matrices and all of the light."""
-    exact, studio = lit(transport, LAMP), lit(coarse, LAMP, method=method)
+    exact, studio = lit(transport, LAMP), lit(truncated, LAMP, method=method)
     for place in np.linspace(-0.6, 0.6, 5):
         lamp = dl.PointLight((place, 1.6, 0.3), 4.0)
         exact.set_lights([lamp])
@@ -199,7 +277,7 @@ def test_area_lights_are_done_in_four_frames(coarse):
     studio.set_lights([far])
     for _ in range(4):
         studio.step()
-    below = np.abs(coarse.diffuse.receivers.position - (0.0, 0.0, 0.0))
+    below = np.abs(coarse.pixels.position - (0.0, 0.0, 0.0))
     below = np.flatnonzero((below[:, 0] < 0.1) & (below[:, 1] < 0.1))
     (lamp,) = dl.PointLight((0.0, 1.95, 0.0), 8.0)._parts
     straight = coarse.view.irradiance(lamp, coarse.view.sights(lamp))[below]
@@ -243,33 +321,43 @@ def test_gamma_crosses_a_border_without_a_jump(coarse):
 
 def test_runs_resume_and_files_are_opened(coarse, tmp_path):
     path = tmp_path / "again.studio"
-    asked = {"families": families(), "gather": GATHER, "bounces": 3, "tolerance": 0.03}
+    asked = {"families": families(), "gather": GATHER, "bounces": 3, "nodes": NODES, "tolerance": 0.03}
 
     class Stop(Exception):
         pass
 
     def stop(done, total):
-        if done > 0.6 * total:
+        if done > 0.9 * total:
             raise Stop
 
     with pytest.raises(Stop):
         dl.precompute_studio(box(), path, progress=stop, **asked)
-    finished = {own.name: own.stat().st_mtime_ns for own in path.iterdir() if own.is_dir() and own.suffix == ""}
-    assert "diffuse" in finished and not (path / "studio.json").exists()
+    finished = (path / "nodes.npz").stat().st_mtime_ns
+    assert not (path / "studio.json").exists()
     made = dl.precompute_studio(box(), path, progress=False, **asked)
-    assert made.path.joinpath("diffuse").stat().st_mtime_ns == finished["diffuse"]
+    assert (path / "nodes.npz").stat().st_mtime_ns == finished
     opened = dl.StudioTransport.open(path)
     for own in (made, opened):
         np.testing.assert_array_equal(lit(own, SPOT).step().values, lit(coarse, SPOT).step().values)
     with pytest.raises(dl.FileError, match="expected a transport of a studio, got none"):
         dl.StudioTransport.open(tmp_path)
     with pytest.raises(dl.FileError, match="got a transport of light"):
-        dl.StudioTransport.open(path / "diffuse")
+        dl.StudioTransport.open(next(path.glob("part-*")))
     with pytest.raises(dl.FileError, match="expected a transport of curves, got a studio"):
         dl.CurveTransport.open(path)
     about = json.loads((path / "studio.json").read_text())
     for change in ({"version": 9}, {"passes": -1}, {"parts": [{}]}):
         (path / "studio.json").write_text(json.dumps(about | change))
+        with pytest.raises(dl.FileError):
+            dl.StudioTransport.open(path)
+    (path / "studio.json").write_text(json.dumps(about))
+    with np.load(path / "nodes.npz") as stored:
+        arrays = dict(stored)
+    for change in (
+        {"view_nodes": arrays["view_nodes"] + 2 * NODES},
+        {"factors_starts": arrays["factors_starts"][::-1]},
+    ):
+        np.savez(path / "nodes.npz", **(arrays | change))
         with pytest.raises(dl.FileError):
             dl.StudioTransport.open(path)
     shutil.rmtree(path)
@@ -285,6 +373,7 @@ def test_bad_requests(coarse, tmp_path):
         (glossy, {"families": {}}, "family for every glossy"),
         (scene, {"families": {}, "gather": 10}, "64 to"),
         (scene, {"families": {}, "bounces": 0}, "1 to 16 bounces"),
+        (scene, {"families": {}, "nodes": "all"}, "the most there may be"),
         (scene, {"families": {}, "quality": "best"}, "quality"),
         (scene, {"families": {}, "tolerance": 2.0}, "tolerance"),
     ]:
@@ -337,3 +426,43 @@ def test_every_draw_of_parameters_is_finite(coarse):
             studio.set_lights([dl.PointLight(rng.uniform(low, high), rng.random(3) * 10)])
             frame = studio.step()
             assert np.isfinite(frame.values).all() and np.isfinite(frame.bound)
+
+
+def test_a_session_moves_lamps_and_edits(coarse, tmp_path, capsys):
+    from deltalux.command.cli import main
+
+    spot = {"kind": "spot", "position": [-0.4, 1.8, 0.3], "target": [0.2, 0, 0], "intensity": [6, 5, 4], "angle": 40}
+    steps = [
+        {"title": "a spot", "lights": [spot]},
+        {"lights": [spot | {"position": [0.4, 1.8, 0.3]}], "frames": 2},
+        {"material": "floor", "set": {"gamma": 120, "k_s": 0.2}, "frames": 3},
+        {"lights": [{"kind": "point", "position": [0.3, 1.7, 0.2], "intensity": 4}]},
+    ]
+    session, out = tmp_path / "session.json", tmp_path / "out"
+    command = ["edit", str(coarse.path), "--session", str(session), "-o", str(out)]
+    session.write_text(json.dumps(steps))
+    assert main(command) == 0
+    assert {"index.html", "frames.csv", "times.png", *(f"step-{k:02}.png" for k in range(4))} <= {
+        path.name for path in out.iterdir()
+    }
+    lines = (out / "frames.csv").read_text().splitlines()
+    assert [line.split(",")[0] for line in lines[1:]] == ["0", "1", "1", "2", "2", "2", "3"]
+    # What it leads to is what is asked of a studio at once.
+    studio = lit(coarse, LAMP, gamma=120.0, k_s=0.2)
+    picture = dl.io.to_display(studio.step().image, dl.io.auto_exposure(lit(coarse, SPOT).step().image))
+    np.testing.assert_array_equal(np.asarray(Image.open(out / "step-03.png")), picture)
+    for wrong in (
+        {"a": 1},
+        [],
+        [{"material": "floor", "set": {"gamma": 9}}],
+        [{"lights": [{"kind": "sun"}]}],
+        [{"lights": [spot], "frames": 0}],
+        [{"lights": [spot], "set": {"gamma": 9}}],
+        [{"lights": [spot | {"size": 3}]}],
+        [{"lights": [spot]}, {"material": "sea", "set": {"gamma": 9}}],
+        [{"lights": [spot]}, {"material": "floor", "set": {"gamma": 1e9}}],
+    ):
+        session.write_text(json.dumps(wrong))
+        assert main(command) == 2
+    assert main([*command[:2], "-o", str(out)]) == 2
+    assert "expected --session" in capsys.readouterr().err

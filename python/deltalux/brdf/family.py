@@ -45,7 +45,8 @@ class Family:
     ===================  ========  ================================================  ===========================
 
     cos and tan are of delta, the angle between the normal and the half vector h; Lafortune's delta has the cosine
-    max(0, Cx wix wox + Cy wiy woy + Cz wiz woz) / max abs(C). Constants are those of `deltalux.brdf`.
+    max(0, Cx wix wox + Cy wiy woy + Cz wiz woz) / max abs(C). Constants are those of `deltalux.brdf`. F is
+    Schlick's, of `f0`, and belongs to f_F of every model but Lafortune's.
 
     Parameters
     ----------
@@ -58,12 +59,15 @@ class Family:
         fewest live functions that reach it are taken, and of those the fewest segments, at most three.
     live, segments
         The number of both, in the place of `error`.
+    f0
+        What facets reflect at normal incidence, from 0 to 1; more at others (Schlick). It is part of f_F and is not
+        edited. 1: all light, at every angle.
 
     Raises
     ------
     ValueError
-        If the model is none, the range is none or outside the model's, no family reaches the error, or only one of
-        `live` and `segments` is given.
+        If the model is none, the range is none or outside the model's, no family reaches the error, only one of
+        `live` and `segments` is given, or f0 is outside its range or of Lafortune's model.
     """
 
     def __init__(
@@ -74,15 +78,16 @@ class Family:
         *,
         live: int | None = None,
         segments: int | None = None,
+        f0: float = 1.0,
     ) -> None:
-        ends = _checked(model, range)
+        ends, facets = _checked(model, range), amount("f0", f0)
         if live is None and segments is None:
-            core = CoreFamily.within(model, ends, amount("error", error))
+            core = CoreFamily.within(model, ends, amount("error", error), facets)
         elif live is None or segments is None:
             raise ValueError(f"expected live and segments, or none of them, got {live!r} and {segments!r}")
         else:
-            core = CoreFamily.segmented(model, ends, count("live", live), count("segments", segments))
-        self._take(model, core)
+            core = CoreFamily.segmented(model, ends, count("live", live), count("segments", segments), facets)
+        self._take(model, core, facets)
 
     @classmethod
     def even(cls, model: str, range: tuple[float, float], live: int = 7, *, printed: bool = False) -> Family:
@@ -111,11 +116,11 @@ class Family:
             If the model is none, the range is none or outside the model's, or there are too few or too many functions.
         """
         family = cls.__new__(cls)
-        family._take(model, CoreFamily.even(model, _checked(model, range), count("live", live), printed))
+        family._take(model, CoreFamily.even(model, _checked(model, range), count("live", live), printed), 1.0)
         return family
 
-    def _take(self, model: str, core: CoreFamily) -> None:
-        self._model, self._core = model, core
+    def _take(self, model: str, core: CoreFamily, f0: float) -> None:
+        self._model, self._core, self._f0 = model, core, f0
         self._errors = Errors(*core.errors())
 
     def __repr__(self) -> str:
@@ -130,6 +135,11 @@ class Family:
     def model(self) -> str:
         """The name of the model."""
         return self._model
+
+    @property
+    def f0(self) -> float:
+        """What facets reflect at normal incidence."""
+        return self._f0
 
     @property
     def range(self) -> tuple[float, float]:

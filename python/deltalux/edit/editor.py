@@ -7,18 +7,21 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..brdf.curves import ANGLES
 from ..light.environment import Environment
-from ..precomputation.curves import light_digest
+from ..precomputation.curves import light_digest, made_again
 from ..relight.relighter import Frame, Relighter
 from ..transport.curves import CurveTransport
 from ..update.methods import Full, Incremental, Method
 from .lobe import Lobe, NeedsPrecompute, sampled_curve
+
+if TYPE_CHECKING:
+    from ..scene.scene import Scene
 
 __all__ = ["BrdfEditor", "EditedFrame", "NeedsPrecompute", "StaleTransport"]
 
@@ -241,7 +244,7 @@ class BrdfEditor:
             _lobes=dict(self._lobes),
         )
 
-    def set_light(self, env: Environment, *, recompute: bool = False) -> None:
+    def set_light(self, env: Environment, *, recompute: bool = False, scene: Scene | None = None) -> None:
         """Another light: T' holds the one that it was made under.
 
         Parameters
@@ -250,13 +253,16 @@ class BrdfEditor:
             The other light.
         recompute
             Whether to make T' anew, in its place. Edits start again from the materials as they were given.
+        scene
+            What the transport was made of, where it was opened from a file, which keeps none.
 
         Raises
         ------
         StaleTransport
             (a ValueError) If the light is another and `recompute` is not said, with the seconds that it would take.
         ValueError
-            If the transport was opened from a file, which keeps no scene to make it anew from.
+            If the transport was opened from a file and no scene is given, or another one; or if a material of such a
+            file is measured.
         """
         if not isinstance(env, Environment):
             raise ValueError(f"expected the light as a dl.Environment, got {env!r}")
@@ -267,11 +273,12 @@ class BrdfEditor:
                 f"the transport holds another light than {env.name}; set_light(env, recompute=True) would take about "
                 f"{self.transport.seconds:.0f} s"
             )
-        if self.transport._again is None:
-            raise ValueError(
-                "expected a transport as precompute_curves returned it: a file keeps no scene; make it anew"
-            )
-        self._take(self.transport._again(env))
+        if self.transport._again is not None:
+            self._take(self.transport._again(env))
+        elif scene is not None:
+            self._take(made_again(self.transport, scene, env))
+        else:
+            raise ValueError("expected scene=: the transport was opened from a file, which keeps none")
 
     @property
     def nbytes(self) -> int:

@@ -37,11 +37,8 @@ class Follower:
         mix: NDArray[np.float64] | None = None,
     ) -> None:
         self.transport, self._mix, self._light = transport, mix, light
-        self._relighter = Relighter(transport, method, mix=None if mix is None else self._weights(mix), steady=True)
+        self._relighter = Relighter(transport, method, mix=mix, steady=True)
         self.frame: Frame = self._relighter.step(light)
-
-    def _weights(self, mix: NDArray[np.float64]) -> NDArray[np.float32]:
-        return np.tile(mix.astype(np.float32), (self.transport.shape[0], 1))
 
     def follow(self, light: NDArray[np.float64]) -> Frame:
         """Towards the light; what has arrived costs nothing."""
@@ -53,7 +50,7 @@ class Follower:
         """Another mix of the same responses."""
         if self._mix is None or not np.array_equal(mix, self._mix):
             self._mix = mix
-            self.frame = self._relighter.mix(self._weights(mix))
+            self.frame = self._relighter.mix(mix)
         return self.frame
 
     @cached_property

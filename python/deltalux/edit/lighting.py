@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .._core import Glints, Sights
 from .._core import Lamp as CoreLamp
-from .._core import Sights
 from ..light.environment import Environment
 from ..light.lamps import Lamp, far_lamps
+from ..transport.passing import StudioNodes
 from ..transport.studio import EACH, StudioPart, StudioTransport
 
 __all__ = ["Colours", "Kept", "Lighting", "Sources"]
@@ -46,10 +46,10 @@ class Lit:
     sights: Sights
     view: Colours
     """Irradiance over pi of the rows of the view."""
-    samples: Colours
-    """The same of the samples."""
-    reflected: dict[str, tuple[float, Colours]] = field(default_factory=dict)
-    """Of each material its gamma, and what its rows send on of this part."""
+    arrived: dict[str, Colours]
+    """The same of the samples, and of the nodes, in the mean of their cells."""
+    glints: dict[str, Glints] = field(default_factory=dict)
+    """What of this part leaves the rows of each material through its model."""
 
 
 class Sources(NamedTuple):
@@ -82,7 +82,11 @@ class Lighting:
         self._env: Environment | None = None
         self._parts: dict[Any, tuple[CoreLamp, ...]] = {}
         self._lit: dict[Any, list[Lit]] = {}
-        self._view, self._samples = Kept[Colours](), Kept[Colours]()
+        self._view = Kept[Colours]()
+        self._cells = {"samples": transport.cells}
+        if isinstance(transport.between, StudioNodes):
+            self._cells["nodes"] = transport.nodes
+        self._arrived = {name: Kept[Colours]() for name in self._cells}
 
     @property
     def env(self) -> Environment | None:
@@ -117,29 +121,28 @@ class Lighting:
         return Sources(tuple(weighed), done)
 
     def _trace(self, lamp: CoreLamp) -> Lit:
-        view, cells = self.transport.view, self.transport.cells
+        view = self.transport.view
         sights = view.sights(lamp)
-        samples = cells.irradiance(lamp, cells.sights(lamp)).reshape(-1, EACH, 3).mean(axis=1)
-        return Lit(lamp, sights, view.irradiance(lamp, sights), samples)
+        arrived = {name: own.irradiance(lamp, own.sights(lamp), together=EACH) for name, own in self._cells.items()}
+        return Lit(lamp, sights, view.irradiance(lamp, sights), arrived)
 
     def view(self, sources: Sources) -> Colours:
         """Irradiance over pi of all rows."""
-        shape = (self.transport.diffuse.shape[0], 3)
+        shape = (len(self.transport.view), 3)
         return self._view.made(sources, lambda: sources.total(lambda lit: lit.view, shape))
 
-    def samples(self, sources: Sources) -> Colours:
-        """The same of the samples."""
-        shape = (self.transport.bounces.shape[0], 3)
-        return self._samples.made(sources, lambda: sources.total(lambda lit: lit.samples, shape))
+    def arrived(self, name: str, sources: Sources) -> Colours:
+        """The same of "samples", or of "nodes"."""
+        shape = (len(self._cells[name]) // EACH, 3)
+        return self._arrived[name].made(sources, lambda: sources.total(lambda lit: lit.arrived[name], shape))
 
-    def reflected(self, sources: Sources, part: StudioPart, gamma: float) -> Colours:
-        """What the rows of a material send to the eye of the lamps' own light, by the model itself."""
-        return sources.total(partial(self._reflected, part, gamma), (len(part.rows), 3))
+    def glints(self, sources: Sources, part: StudioPart) -> list[tuple[float, Glints]]:
+        """What of the lamps' own light leaves the rows of a material, whatever its gamma: of each part with what it
+        stands for."""
+        return [(weight, self._glints(part, lit)) for weight, lit in sources.parts]
 
-    def _reflected(self, part: StudioPart, gamma: float, lit: Lit) -> Colours:
-        known = lit.reflected.get(part.name)
-        if known is None or known[0] != gamma:
-            eyes, lobe = self.transport.eyes_of(part), (part.family._core, gamma)
-            known = (gamma, self.transport.view.reflected(lit.lamp, lit.sights, part.rows, eyes, lobe))
-            lit.reflected[part.name] = known
-        return known[1]
+    def _glints(self, part: StudioPart, lit: Lit) -> Glints:
+        if part.name not in lit.glints:
+            eyes, family = self.transport.eyes_of(part), part.family._core
+            lit.glints[part.name] = self.transport.view.glints(lit.lamp, lit.sights, part.rows, eyes, family)
+        return lit.glints[part.name]

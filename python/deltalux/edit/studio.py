@@ -12,13 +12,13 @@ import time
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._core import Behind
+from .._core import Behind, add_lobe
 from ..checks import Vector, as_vector
 from ..light.environment import Environment
 from ..light.lamps import Lamp
@@ -26,6 +26,7 @@ from ..relight.relighter import Frame
 from ..transport.studio import StudioPart, StudioTransport
 from ..transport.transport import Transport
 from ..update.methods import Full, Method
+from .carrying import Carried, bound_of, carrier
 from .follower import Follower
 from .lighting import Colours, Kept, Lighting, Sources
 
@@ -33,6 +34,8 @@ __all__ = ["Memory", "Studio", "StudioFrame"]
 
 _ALL, _SHINE = (1.0, 1.0, 1.0), (0.3, 0.3, 0.3)
 """k_d and k_s at the start."""
+_ROUNDED = 2.0**-22
+"""What is rounded to f32 while a picture is put together, relative to it."""
 
 
 class Memory(NamedTuple):
@@ -43,9 +46,9 @@ class Memory(NamedTuple):
     frozen: int
     """Of all other materials."""
     diffuse: int
-    """D."""
+    """What the view takes diffuse light by: weights of nodes, or D."""
     bounces: int
-    """M_s."""
+    """What surfaces do: form factors and the weights of samples, or M_s."""
 
     @property
     def total(self) -> int:
@@ -78,8 +81,8 @@ class StudioFrame:
         Parts of it: what lamps see, light of the samples, and the products behind them.
     bound
         No value is further off than this from what untruncated matrices give for the light as it has been traced: by
-        light that is not sent yet, by truncation, and by rounding. What gather samples and families are off by
-        themselves is no part of it.
+        light that is not sent yet, by truncation, and by rounding. What nodes, gather samples and families are
+        off by themselves is no part of it.
     converged
         Whether all lamps have been traced in full, and all light has been sent.
     """
@@ -98,7 +101,7 @@ class StudioFrame:
     @cached_property
     def image(self) -> NDArray[np.float32]:
         """(height, width, 3) float32 linear radiance; the environment behind the scene where there is one."""
-        pixels = self._transport.diffuse.pixels
+        pixels = self._transport.pixels
         picture = pixels.shown(self.values)
         if self._env is not None:
             self._env._behind(Behind(pixels.background, self._transport.camera.directions()), picture)
@@ -112,6 +115,13 @@ class StudioFrame:
             return 0.0
         part, gamma = self._live
         return part.family.errors_at([gamma])[0].peak
+
+
+class Still(NamedTuple):
+    """What does not change while one material is edited."""
+
+    values: NDArray[np.float32]
+    bound: float
 
 
 class Studio:
@@ -153,8 +163,9 @@ class Studio:
         self._lighting = Lighting(transport)
         self._frozen: dict[str, tuple[float, Transport]] = {}
         self._followers: dict[str, tuple[Any, Follower]] = {}
-        self._light = Kept[tuple[Colours, float]]()
-        self._rho, self._still = Kept[Colours](), Kept[NDArray[np.float32]]()
+        self._carrier = carrier(transport, self.method)
+        self._light = Kept[Carried]()
+        self._rho, self._still = Kept[Colours](), Kept[Still]()
         self.freeze_seconds = 0.0
         """That the last freezing took."""
 
@@ -266,9 +277,9 @@ class Studio:
         began = time.perf_counter()
         sources = self._lighting.traced()
         traced = time.perf_counter()
-        light, unsure = self._light_of_samples(sources)
+        carried = self._light_of_samples(sources)
         solved = time.perf_counter()
-        values, bound, followed = self._shown(sources, light, unsure)
+        values, bound, followed = self._shown(sources, carried)
         done = time.perf_counter()
         live = None if self._live is None else self._part(self._live)
         return StudioFrame(
@@ -297,66 +308,46 @@ class Studio:
             found[own] *= look.k_d
         return found
 
-    def _light_of_samples(self, sources: Sources) -> tuple[Colours, float]:
-        """L over the tree, and how far it may be from that of untruncated bounces."""
-        return self._light.made((sources, self._diffuse_looks()), lambda: self._solved(sources))
-
-    def _solved(self, sources: Sources) -> tuple[Colours, float]:
-        transport, (kept, lost) = self.transport, self._norms
-        rho, areas = self._reflectance(transport.albedo, transport.material), transport.areas
-        passing = rho * self._lighting.samples(sources)
-        whole, off, unsure = passing.copy(), np.zeros(len(rho)), np.zeros(len(rho))
-        for _ in range(transport.passes):
-            V = transport.tree.forward(passing)
-            passing = rho * transport.bounces.multiply(V)
-            # No sum of a row and light is larger than their norms make it: of what is off, and of what the row lost.
-            length = np.sqrt((areas * off**2).sum())
-            off = rho.max(axis=1) * (kept * length + lost * np.sqrt((V**2).sum(axis=0).max()))
-            whole, unsure = whole + passing, unsure + off
-        return transport.tree.forward(whole), float(np.sqrt((areas * unsure**2).sum()))
-
-    @cached_property
-    def _norms(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Of the rows of M_s: their norms, and those of what they lost."""
-        core = self.transport.bounces._core
-        kept, lost = (np.sqrt((own.astype(np.float64) ** 2).sum(axis=1)) for own in (core.kept(), core.dropped()))
-        return kept, lost
+    def _light_of_samples(self, sources: Sources) -> Carried:
+        """What lamps and surfaces together make of the light of samples."""
+        make = partial(self._carrier.carried, self._lighting, sources, self._reflectance)
+        return self._light.made((sources, self._diffuse_looks()), make)
 
     def _view_reflectance(self) -> Colours:
-        receivers = self.transport.diffuse.receivers
-        assert receivers.material is not None
-        material = receivers.material
-        return self._rho.made(self._diffuse_looks(), lambda: self._reflectance(receivers.albedo, material))
+        pixels = self.transport.pixels
+        material = pixels.material
+        assert material is not None
+        return self._rho.made(self._diffuse_looks(), lambda: self._reflectance(pixels.albedo, material))
 
-    def _shown(self, sources: Sources, light: Colours, unsure: float) -> tuple[NDArray[np.float32], float, bool]:
+    def _shown(self, sources: Sources, carried: Carried) -> tuple[NDArray[np.float32], float, bool]:
         """What rows send to the eye; how far it may be off; whether all light has been sent."""
-        rho, diffuse = self._view_reflectance(), self._diffuse(light)
-        followers = {name: self._follower(name, light) for name in self.transport.parts}
+        rho, received = self._view_reflectance(), self._carrier.received(carried)
+        followers = {name: self._follower(name, carried.light) for name in self.transport.parts}
         still = {name: follower.frame for name, follower in followers.items() if name != self._live}
         looks = tuple(self._looks[name] for name in still)
 
-        def all_that_stands() -> NDArray[np.float32]:
+        def all_that_stands() -> Still:
             """Diffuse light, and the lobes of all materials that are not edited."""
-            values = rho * (self._lighting.view(sources) + diffuse.frame.values)
+            values = (rho * (self._lighting.view(sources) + received.values)).astype(np.float32)
             for name, frame in still.items():
                 self._add_lobe(values, sources, self._part(name), frame)
-            return values.astype(np.float32)
+            off = _ROUNDED * float(values.max(initial=0.0)) + float(rho.max(initial=0.0)) * received.bound
+            return Still(values, off)
 
-        of = (sources, diffuse.frame, self._diffuse_looks(), tuple(still.values()), looks)
-        values = self._still.made(of, all_that_stands).copy()
+        of = (sources, received, self._diffuse_looks(), tuple(still.values()), looks)
+        stands = self._still.made(of, all_that_stands)
+        values = stands.values.copy()
         if self._live is not None:
             self._add_lobe(values, sources, self._part(self._live), followers[self._live].frame)
         shine = {name: max(self._looks[name].k_s) for name in followers}
-        bounds = [shine[name] * _bound(follower, unsure) for name, follower in followers.items()]
-        bound = float(rho.max(initial=0.0)) * _bound(diffuse, unsure) + max(bounds, default=0.0)
-        return values, bound, all(own.frame.converged for own in (diffuse, *followers.values()))
+        bounds = [shine[name] * bound_of(follower, carried.unsure) for name, follower in followers.items()]
+        followed = received.converged and all(own.frame.converged for own in followers.values())
+        return values, stands.bound + max(bounds, default=0.0), followed
 
-    def _add_lobe(self, values: NDArray[Any], sources: Sources, part: StudioPart, frame: Frame | None) -> None:
+    def _add_lobe(self, values: NDArray[np.float32], sources: Sources, part: StudioPart, frame: Frame | None) -> None:
         """Adds what the lobe of a material sends to the eye: of lamps, and where there is a frame, of surfaces."""
-        lobe = self._lighting.reflected(sources, part, self._looks[part.name].gamma)
-        if frame is not None:
-            lobe += frame.values
-        values[part.rows] += np.asarray(self._looks[part.name].k_s) * lobe
+        look, glints = self._looks[part.name], self._lighting.glints(sources, part)
+        add_lobe(values, part.rows, glints, look.gamma, look.k_s, None if frame is None else frame.values)
 
     def direct(self) -> NDArray[np.float32]:
         """What rows send to the eye of the lamps' own light, as far as it has been traced.
@@ -366,18 +357,10 @@ class Studio:
         (rows, 3) float32
         """
         sources = self._lighting.traced()
-        values = self._view_reflectance() * self._lighting.view(sources)
+        values = (self._view_reflectance() * self._lighting.view(sources)).astype(np.float32)
         for part in self.transport.parts.values():
             self._add_lobe(values, sources, part, None)
-        return values.astype(np.float32)
-
-    def _diffuse(self, light: Colours) -> Follower:
-        """The follower of D, at the light."""
-        known = self._followers.get("")
-        if known is None:
-            known = self._followers[""] = (None, Follower(self.transport.diffuse, self.method, light))
-        known[1].follow(light)
-        return known[1]
+        return values
 
     def _follower(self, name: str, light: Colours) -> Follower:
         """The follower of a material's T, live or frozen, at the light and at its gamma."""
@@ -417,17 +400,12 @@ class Studio:
                 live = part.segments[part.family._core.segment(gamma)].nbytes
             else:
                 frozen += self._freeze(part, gamma).nbytes
-        return Memory(live, frozen, self.transport.diffuse.nbytes, self.transport.bounces.nbytes)
+        return Memory(live, frozen, *self.transport.between.sizes)
 
     @property
     def looks(self) -> Mapping[str, Look]:
         """How the materials of families look."""
         return dict(self._looks)
-
-
-def _bound(follower: Follower, unsure: float) -> float:
-    """How far what a follower shows may be off, where its light may be off by so much."""
-    return follower.frame.bound + follower.longest * unsure
 
 
 def _colour(name: str, value: ArrayLike) -> Vector:

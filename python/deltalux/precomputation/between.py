@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._core import Bounces, Emitters, FileError, Links, Receivers, Sources, TileData
+from .._core import Bounces, Emitters, FileError, Links, LitPoints, Receivers, Sources, TileData
 from .._core import Camera as Rays
 from .._core import Nodes as CoreNodes
 from .._core import Scene as CoreScene
@@ -22,9 +22,20 @@ from ..transport.plan import Solve
 from ..transport.transport import Transport
 from .quality import Quality
 
-__all__ = ["ALL", "RESIDUAL", "Between", "KnownNodes", "NodePart", "Nodes", "PlacedNodes", "between", "linked"]
+__all__ = [
+    "ALL",
+    "MOST_NODES",
+    "RESIDUAL",
+    "Between",
+    "KnownNodes",
+    "NodePart",
+    "Nodes",
+    "PlacedNodes",
+    "between",
+    "linked",
+]
 
-_MOST_NODES = 32_768
+MOST_NODES = 32_768
 """Where no other number is asked: F and the rows of nodes grow with them."""
 _MOST_BOUNCES = 1_000
 RESIDUAL = 1e-3
@@ -69,7 +80,7 @@ def between(bounces: int | str, residual: float, nodes: int | str) -> Between | 
     if isinstance(nodes, str):
         if nodes != "auto":
             raise ValueError(f'expected nodes to be "auto" or the most there may be, got {nodes!r}')
-        cap = _MOST_NODES
+        cap = MOST_NODES
     elif (cap := count("nodes", nodes)) < 1:
         raise ValueError(f"expected at least one node, got {cap}")
     return Between(number, float(residual), cap) if number else None
@@ -259,7 +270,11 @@ Nodes = PlacedNodes | KnownNodes
 
 
 def linked(
-    sources: Sources, core: CoreScene, receivers: Receivers, settings: Quality, progress: Callable[[int], None]
+    sources: Sources,
+    core: CoreScene,
+    receivers: Receivers | LitPoints,
+    settings: Quality,
+    progress: Callable[[int], None],
 ) -> Links:
     """Links receivers to nodes."""
     return sources.links(core, receivers, side=_SEEN, audit=settings.audit, progress=progress)

@@ -29,7 +29,7 @@ from .edited import Edited, edited
 from .preparation import Prepared, Request, surveyed_bundles
 from .room import check_folder_of, claim
 
-__all__ = ["light_digest", "precompute_curves"]
+__all__ = ["light_digest", "made_again", "precompute_curves"]
 
 QUANTUM = -40
 """Rows of curves begin far below those of light: near a highlight a node holds the light of a few thousandths of a
@@ -115,6 +115,42 @@ def light_digest(env: Environment) -> str:
         64 hexadecimal digits (BLAKE2b).
     """
     return hashlib.blake2b(np.ascontiguousarray(env.cubemap(2 * CURVE_FACE)).data, digest_size=32).hexdigest()
+
+
+def made_again(transport: CurveTransport, scene: Scene, env: Environment) -> CurveTransport:
+    """A transport in its place under another light, from the scene that a file does not keep.
+
+    Parameters
+    ----------
+    transport
+        Opened from a file.
+    scene
+        What it was made of.
+    env
+        The light.
+
+    Returns
+    -------
+    CurveTransport
+
+    Raises
+    ------
+    ValueError
+        If the scene is another, or a material is measured: files do not keep those.
+    """
+    if not isinstance(scene, Scene):
+        raise ValueError(f"expected the scene as a dl.Scene, got {scene!r}")
+    materials = {part.name: part.model for part in transport.parts.values() if part.model is not None}
+    measured = [name for name in transport.parts if name not in materials]
+    if measured:
+        raise ValueError(f"expected models, but {', '.join(measured)} is measured, which a file does not keep")
+    first = next(iter(transport.parts.values())).transport
+    if first._core.scene != scene.content_hash():
+        raise ValueError(f"expected the scene that {transport.path} was made of, got {scene.name}, or another camera")
+    prepared = ("fixed", "dielectric", "metal")
+    fresnel = {part.name: part.kind if part.kind in prepared else "auto" for part in transport.parts.values()}
+    asked = _Asked(first.plan.quality, first.plan.tolerance, fresnel)
+    return _Curves(scene, env, materials, asked).run(transport.path, True)
 
 
 @dataclass(frozen=True)

@@ -338,7 +338,7 @@ class _Run:
         self.rays += 2 * side**2 * part.rows
         if nodes is not None and self.links is not None:
             emitted = nodes.emitted(emitters, tell(0))
-            response += self.links.taken(emitted)
+            response += self.links.weights.taken(emitted)
             self.beside["nodes"]["emitted"] = emitted
         arrays = {"response": response.astype(np.float32), "radiance": prepared.radiance()}
         self.beside["emission"] = arrays

@@ -1,9 +1,10 @@
 """Precomputation of a studio: what surfaces send each other of any light, for materials of families (Nguyen 2010).
 
-    L   = L_d + rho M_s L_d + ..                 light that leaves the gather samples
-    B   = direct + k_d D L + k_s sum_k c_k(gamma) T_k L
+    L   = L_d + rho (indirect light there)       light that leaves the gather samples
+    B   = direct + k_d (indirect light there) + k_s sum_k c_k(gamma) T_k L
 
-D, M_s and T_k are made here, over wavelets on the tree of the samples; all else is the run time's.
+T_k are made here, over wavelets on the tree of the samples; and what carries diffuse light: nodes, or D and M_s as they
+were published. All else is the run time's.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._core import (
+    Bounces,
     GatherPass,
     GatherSamples,
     LitPoints,
@@ -31,6 +33,7 @@ from .._core import (
     TransportWriter,
     __version__,
 )
+from .._core import Nodes as CoreNodes
 from ..brdf.family import Family
 from ..checks import count
 from ..columns.inner import Inner
@@ -38,8 +41,10 @@ from ..light.lamps import PointLight, Spot
 from ..progress import Progress, reporter
 from ..scene.scene import Scene
 from ..transport.entry import TILES_PER_SHARD
+from ..transport.passing import NODES, StudioNodes
 from ..transport.plan import Part, Plan
-from ..transport.studio import EACH, FOLDER, StudioTransport
+from ..transport.studio import EACH, FOLDER, POINTS, StudioTransport
+from .between import MOST_NODES, linked
 from .quality import QUALITIES
 from .room import check_folder_of, check_request, claim
 
@@ -48,7 +53,6 @@ __all__ = ["precompute_studio"]
 QUANTUM = -30
 """Rows are in units of the root of an area: far smaller numbers than those of light from everywhere."""
 _TILE_ROWS = 2048
-_POINTS = ("origin", "normal", "horizon")
 _FEWEST, _MOST = 64, 1 << 18
 _BUNDLES = 6
 # Lamps that the light in each column is expected from, and under which truncation is measured.
@@ -63,6 +67,7 @@ def precompute_studio(
     families: Mapping[str, Family],
     gather: int = 16384,
     bounces: int = 2,
+    nodes: int | str = "auto",
     quality: str = "publication",
     tolerance: float | None = None,
     progress: bool | Progress = True,
@@ -85,9 +90,12 @@ def precompute_studio(
         Gather samples: points of surfaces from which light is gathered, as the camera sees them.
     bounces
         How often light is reflected between lamp and the surface that is seen: 1 from sample to view, each further one
-        between samples, which are diffuse.
+        between surfaces, which are diffuse.
+    nodes
+        The most nodes between which diffuse light passes, as for `precompute`, or "auto". 0: none; gather samples carry
+        it, by the published matrices D and M_s, which take more bytes and time and lose about 3 % of the light.
     quality
-        "preview", "publication" or "lossless" (`QUALITIES`): of truncation alone.
+        "preview", "publication" or "lossless" (`QUALITIES`): of truncation, and of nodes.
     tolerance
         Relative L2 error of what each matrix shows that truncation may cause, under the worst of some lamps and gammas
         (default: the quality's).
@@ -118,7 +126,10 @@ def precompute_studio(
         raise ValueError(f"expected {_FEWEST} to {_MOST:,} gather samples, got {gather}")
     if not 1 <= bounces <= 16:
         raise ValueError(f"expected 1 to 16 bounces, got {bounces}")
-    return _Studio(scene, dict(families), gather, bounces, (quality, float(allowed))).run(Path(path), progress)
+    if isinstance(nodes, str) and nodes != "auto":
+        raise ValueError(f'expected nodes to be "auto" or the most there may be, got {nodes!r}')
+    cap = MOST_NODES if isinstance(nodes, str) else count("nodes", nodes)
+    return _Studio(scene, dict(families), gather, bounces, cap, (quality, float(allowed))).run(Path(path), progress)
 
 
 class _Work(NamedTuple):
@@ -137,13 +148,13 @@ class _Studio:
     """One request: materials checked, then the run."""
 
     def __init__(
-        self, scene: Scene, families: dict[str, Family], gather: int, bounces: int, quality: tuple[str, float]
+        self, scene: Scene, families: dict[str, Family], gather: int, bounces: int, cap: int, quality: tuple[str, float]
     ) -> None:
         check_request(scene)
         for name, family in families.items():
             if not isinstance(family, Family):
                 raise ValueError(f"expected a dl.Family for {name}, got {family!r}")
-            again = Family(family.model, family.range, live=family.live, segments=family.segments)
+            again = Family(family.model, family.range, live=family.live, segments=family.segments, f0=family.f0)
             if again.errors != family.errors:
                 raise ValueError(f"expected a family of segments for {name}, got {family!r} by Family.even")
         self.numbers = {name: scene.numbered(name) for name in families}
@@ -155,6 +166,7 @@ class _Studio:
         if shiny:
             raise ValueError(f"expected a family for every glossy material, but none is given for number {shiny[0]}")
         self.scene, self.families, self.gather, self.passes = scene, families, gather, bounces - 1
+        self.cap = cap
         self.quality, self.tolerance = quality
         if any(cutout is not None for cutout in scene.cutouts):
             raise ValueError("expected a scene whose surfaces are whole: lamps at run time see no holes in them")
@@ -192,6 +204,11 @@ class _Studio:
         self.lights = _broadest(lights)
         works = self._works()
         total, done = sum(len(work.table) for work in works), 0
+        if self.cap:
+            # Of nodes there are a few thousand, whatever the rows.
+            done = 2 * len(self.rows)
+            total += done
+            self._nodes(path, tell.after(0, total))
         thresholds: dict[str, float] = {}
         for work in works:
             thresholds[work.name] = self._part(path, work, tell.after(done, total))
@@ -201,20 +218,42 @@ class _Studio:
         return StudioTransport.open(path)
 
     def _works(self) -> list[_Work]:
-        """D, M_s, and T of each family."""
+        """T of each family, and D and M_s where there are no nodes."""
         one, eye = np.ones(1), self.scene.camera.position
-        diffuse = GatherPass(self.samples, (self.rows, eye), [None])
-        bounces = GatherPass(self.samples, None, [None])
-        works = [
-            _Work("diffuse", diffuse, self._pixels(self.rows), one, [[1.0]]),
-            _Work("bounces", bounces, self._table(), one, [[1.0]]),
-        ]
+        works = []
+        if not self.cap:
+            diffuse = GatherPass(self.samples, (self.rows, eye), [None])
+            bounces = GatherPass(self.samples, None, [None])
+            works = [
+                _Work("diffuse", diffuse, self._pixels(self.rows), one, [[1.0]]),
+                _Work("bounces", bounces, self._table(), one, [[1.0]]),
+            ]
         for name, family in self.families.items():
             rows = self._rows(name)
             # A border belongs to the segment below it.
             made = GatherPass(self.samples, (rows, eye), [(family._core, border) for border in family.borders[1:]])
             works.append(_Work(name, made, self._pixels(rows), *_mixes(family)))
         return works
+
+    def _nodes(self, path: Path, tell: Callable[[int], None]) -> None:
+        """Nodes, how light passes between them, and who takes from them; unless a run before has made them."""
+        if (path / NODES).exists():
+            return
+        settings, scene, core = QUALITIES[self.quality], self.scene, self.core
+        placed = CoreNodes.place(core, self.rows, self.camera, share=settings.spacing, cap=self.cap)
+        # A cell's colour is the mean of its points: textures are finer than nodes.
+        colours = scene.albedo_at(placed.triangle, placed.barycentric).reshape(len(placed), EACH, 3)
+        albedo = np.ascontiguousarray(colours.mean(axis=1), np.float32)
+        between = Bounces(core, placed, albedo, side=settings.node_rays, progress=lambda _: tell(0))
+        sources = between.sources()
+        tell(len(self.rows) // 2)
+        view = linked(sources, core, self.rows, settings, lambda done: tell(len(self.rows) // 2 + done))
+        places = LitPoints.of_cells(core, self.samples, 1)
+        samples = linked(sources, core, places, settings, lambda _: tell(3 * len(self.rows) // 2))
+        material = scene.material[placed.triangle[::EACH]].astype(np.uint16)
+        made = StudioNodes(between.factors(), albedo, material, view.weights, samples.weights)
+        points = placed.points(core).arrays()
+        made.save(path, {f"node_{what}": own for what, own in zip(POINTS, points, strict=True)})
 
     def _rows(self, name: str) -> Receivers:
         """The receivers that show a material."""
@@ -238,8 +277,7 @@ class _Studio:
             aim = middle + (middle - place) * 0.5
             lamp = PointLight(place) if number % 2 else Spot(place, aim if np.any(aim != place) else low, angle=35)
             (part,) = lamp._parts
-            arrived = self.cells.irradiance(part, self.cells.sights(part))
-            light = self.albedo * arrived.reshape(-1, EACH, 3).mean(axis=1)
+            light = self.albedo * self.cells.irradiance(part, self.cells.sights(part), together=EACH)
             if light.any():
                 yield light
 
@@ -341,9 +379,15 @@ class _Studio:
 
     def _job(self) -> str:
         """What a run is known by."""
-        families = {name: [own.model, *own.borders, own.live] for name, own in self.families.items()}
+        families = {name: [own.model, *own.borders, own.live, own.f0] for name, own in self.families.items()}
         about = {"scene": self.scene.content_hash(), "families": families, "gather": self.gather}
-        more = {"passes": self.passes, "quality": self.quality, "tolerance": self.tolerance, "version": __version__}
+        more = {
+            "passes": self.passes,
+            "nodes": self.cap,
+            "quality": self.quality,
+            "tolerance": self.tolerance,
+            "version": __version__,
+        }
         return json.dumps(about | more, sort_keys=True)
 
     def _finish(self, path: Path, thresholds: Mapping[str, float], seconds: float) -> None:
@@ -357,16 +401,26 @@ class _Studio:
             "weights": self.weights,
             "albedo": self.albedo,
             "material": self.of_sample,
+            **_table_arrays(self._pixels(self.rows)),
         }
         for of, points in lit.items():
-            arrays |= {f"{of}_{what}": own for what, own in zip(_POINTS, points.arrays(), strict=True)}
+            arrays |= {f"{of}_{what}": own for what, own in zip(POINTS, points.arrays(), strict=True)}
         arrays |= {f"rows_{self.numbers[name]}": own.astype(np.uint32) for name, own in self.of.items()}
         parts = []
         for name, family in self.families.items():
-            about = {"name": name, "number": self.numbers[name], "model": family.model, "range": family.range}
-            parts.append(about | {"live": family.live, "segments": family.segments, "threshold": thresholds[name]})
+            about = {"name": name, "number": self.numbers[name], "threshold": thresholds[name]}
+            own = {"model": family.model, "range": family.range, "live": family.live, "segments": family.segments}
+            parts.append(about | own | {"f0": family.f0})
         about = {"passes": self.passes, "seconds": seconds, "camera": asdict(self.scene.camera), "parts": parts}
         FOLDER.write(path, about, arrays)
+
+
+def _table_arrays(table: ReceiverTable) -> dict[str, NDArray[Any]]:
+    """What the rows of the view are, for a file."""
+    names = ("pixel", "weight", "background", "albedo", "position", "normal", "material")
+    arrays = {f"pixel_{name}": np.ascontiguousarray(getattr(table, name)) for name in names}
+    arrays["pixel_background"] = arrays["pixel_background"].ravel()
+    return arrays | {"pixel_image": np.array(table.image_shape, np.int64)}
 
 
 def _folders(

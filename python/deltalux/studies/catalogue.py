@@ -5,7 +5,7 @@ from __future__ import annotations
 from . import peaks
 from .clustered import clusters
 from .coherence import coverage, energy, equal_quality, equal_time, evolution, lighting_error, phase_map, reset_raster
-from .factored import factors
+from .factored import factors, views
 from .harmonics import blocker, two_bases
 from .interreflection import bounces, slides
 from .reflectance import curves, families, freezing, gather
@@ -24,6 +24,7 @@ STUDIES: dict[str, Study] = {
     "equal-time": equal_time.STUDY,
     "peaks": peaks.STUDY,
     "factors": factors.STUDY,
+    "views": views.STUDY,
     "clusters": clusters.STUDY,
     "harmonics": two_bases.STUDY,
     "blocker": blocker.STUDY,

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from .._core import FileError
 
-__all__ = ["Folder", "array"]
+__all__ = ["Folder", "array", "stored_arrays"]
 
 _ARRAYS = "arrays.npz"
 _KINDS = {
@@ -62,11 +62,15 @@ class Folder:
             about = json.loads((path / self.manifest).read_text(encoding="utf-8"))
             if about["version"] != self.version:
                 raise ValueError(f"expected version {self.version}, found {about['version']!r}")
-            with open(path / _ARRAYS, "rb") as file, np.load(file, allow_pickle=False) as arrays:
-                stored = {name: arrays[name] for name in arrays.files}
-            yield about, stored
+            yield about, stored_arrays(path / _ARRAYS)
         except (ValueError, TypeError, LookupError, RecursionError, EOFError, BadZipFile) as error:
             raise FileError(f"{path}: {error}") from None
+
+
+def stored_arrays(path: Path) -> dict[str, NDArray[Any]]:
+    """All arrays of a file."""
+    with open(path, "rb") as file, np.load(file, allow_pickle=False) as arrays:
+        return {name: arrays[name] for name in arrays.files}
 
 
 def array(stored: Mapping[str, NDArray[Any]], name: str, kind: type, shape: tuple[int, ...]) -> NDArray[Any]:

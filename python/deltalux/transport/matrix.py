@@ -117,7 +117,7 @@ class Matrix:
         Parameters
         ----------
         mix
-            (rows, factors), real and finite.
+            (rows, factors), real and finite; or (factors,), for all rows.
 
         Returns
         -------
@@ -129,6 +129,9 @@ class Matrix:
             If the shape is another.
         """
         weights = np.ascontiguousarray(mix, np.float32)
+        if weights.shape == (self._core.factors,):
+            # Repeated, not copied: what is alike for all rows is read once.
+            return np.broadcast_to(weights, (self.shape[0], self._core.factors))
         if weights.shape != (self.shape[0], self._core.factors):
             raise ValueError(f"expected a mix of shape ({self.shape[0]}, {self._core.factors}), got {weights.shape}")
         return weights

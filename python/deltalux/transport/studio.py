@@ -12,16 +12,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .._core import LitPoints, SampleTree
+from .._core import LitPoints, ReceiverTable, SampleTree
 from .._core import Scene as CoreScene
 from ..brdf.family import Family
 from ..camera import Camera
-from .folder import Folder, array
+from ..columns.inner import Inner
+from .folder import Folder, array, stored_arrays
+from .passing import NODES, Gathered, StudioNodes
+from .receivers import Pixels
 from .transport import Transport
 
-__all__ = ["EACH", "FOLDER", "StudioPart", "StudioTransport"]
+__all__ = ["EACH", "FOLDER", "POINTS", "StudioPart", "StudioTransport"]
 
-FOLDER = Folder("a transport of a studio", "studio.json", 1)
+FOLDER = Folder("a transport of a studio", "studio.json", 2)
+POINTS = ("origin", "normal", "horizon")
+"""What is kept of points that lamps shine on."""
 EACH = 4
 """Places of a cell at which light that arrives directly is looked at; their mean is the sample's."""
 
@@ -73,14 +78,14 @@ class StudioTransport:
     ----------
     path : Path
         The directory.
-    diffuse : Transport
-        D: what each row of the view receives from gather samples.
-    bounces : Transport
-        M_s: what each sample receives from the others.
+    pixels : Pixels
+        The rows of the view.
+    between : StudioNodes or Gathered
+        What carries diffuse light from surface to surface.
     parts : mapping of str to StudioPart
         By the names of materials.
     passes : int
-        How often light passes between samples before the view gathers it.
+        How often light passes between surfaces before the view gathers it.
     camera : Camera
         Whose pixels the rows are.
     weights : (columns,) float64
@@ -94,8 +99,8 @@ class StudioTransport:
     """
 
     path: Path
-    diffuse: Transport
-    bounces: Transport
+    pixels: Pixels
+    between: StudioNodes | Gathered
     parts: Mapping[str, StudioPart]
     passes: int
     camera: Camera
@@ -109,7 +114,7 @@ class StudioTransport:
     @property
     def nbytes(self) -> int:
         """Bytes of all matrices."""
-        return self.diffuse.nbytes + self.bounces.nbytes + sum(part.nbytes for part in self.parts.values())
+        return sum(self.between.sizes) + sum(part.nbytes for part in self.parts.values())
 
     @cached_property
     def scene(self) -> CoreScene:
@@ -126,6 +131,11 @@ class StudioTransport:
     def cells(self) -> LitPoints:
         """`EACH` points of the cell of each sample."""
         return self._points("cell")
+
+    @cached_property
+    def nodes(self) -> LitPoints:
+        """`EACH` points of the cell of each node."""
+        return self._points("node")
 
     def _points(self, of: str) -> LitPoints:
         origin, normal, horizon = (self._arrays[f"{of}_{what}"] for what in ("origin", "normal", "horizon"))
@@ -149,7 +159,7 @@ class StudioTransport:
         (n, 3) float32
         """
         if part.name not in self._eyes:
-            way = np.asarray(self.camera.position) - self.diffuse.receivers.position[part.rows]
+            way = np.asarray(self.camera.position) - self.pixels.position[part.rows]
             self._eyes[part.name] = np.asarray(way / np.linalg.norm(way, axis=1, keepdims=True), np.float32)
         return self._eyes[part.name]
 
@@ -180,8 +190,13 @@ class StudioTransport:
         """
         path = Path(path)
         with FOLDER.opened(path) as (about, stored):
-            diffuse, bounces = Transport.open(path / "diffuse"), Transport.open(path / "bounces")
-            _check(stored, diffuse, bounces)
+            samples = len(stored["areas"])
+            view = {name[6:]: own for name, own in stored.items() if name.startswith("pixel_")}
+            height, width = (int(x) for x in view.pop("image"))
+            pixels = Pixels(ReceiverTable.pixels(image=(height, width), **view))
+            between, beside = _between(path, len(pixels), samples)
+            stored |= beside
+            _check(stored, len(pixels), samples, len(beside.get("material", ())))
             parts = {own["name"]: _part(path, own, stored) for own in about["parts"]}
             camera, seconds = Camera(**about["camera"]), float(about["seconds"])
             weights, albedo, material = (stored[name] for name in ("weights", "albedo", "material"))
@@ -189,35 +204,43 @@ class StudioTransport:
             if not 0 <= passes <= 64:
                 raise ValueError(f"expected passes from 0 to 64, found {passes}")
             return StudioTransport(
-                path, diffuse, bounces, parts, passes, camera, weights, albedo, material, seconds, stored
+                path, pixels, between, parts, passes, camera, weights, albedo, material, seconds, stored
             )
 
     def __repr__(self) -> str:
-        rows, columns = self.diffuse.shape
-        return f"<StudioTransport of {rows:,} rows and {columns:,} columns, {self.nbytes / 1e6:.1f} MB>"
+        rows, samples = len(self.pixels), len(self.albedo)
+        return f"<StudioTransport of {rows:,} rows and {samples:,} samples, {self.nbytes / 1e6:.1f} MB>"
 
 
-def _check(stored: Mapping[str, NDArray[Any]], diffuse: Transport, bounces: Transport) -> None:
+def _between(path: Path, rows: int, samples: int) -> tuple[StudioNodes | Gathered, dict[str, NDArray[Any]]]:
+    """What carries diffuse light, and the arrays of nodes."""
+    if (path / NODES).exists():
+        stored = stored_arrays(path / NODES)
+        points = {name: own for name, own in stored.items() if name.startswith("node_")}
+        return StudioNodes.of_arrays(stored, rows, samples), points
+    between = Gathered(Transport.open(path / "diffuse"), Transport.open(path / "bounces"))
+    if between.diffuse.shape[0] != rows or between.bounces.shape[0] != samples:
+        raise ValueError(f"expected matrices of {rows} rows and {samples} samples, found others")
+    if {str(own.columns) for own in (between.diffuse, between.bounces)} != {f"tree:{samples}"}:
+        raise ValueError(f"expected matrices over the tree of their samples, found {between.bounces.columns}")
+    return between, {}
+
+
+def _check(stored: Mapping[str, NDArray[Any]], rows: int, samples: int, nodes: int) -> None:
     """Shapes and kinds of all arrays, whoever wrote them."""
-    rows, samples, columns = diffuse.shape[0], bounces.shape[0], diffuse.shape[1]
-    if bounces.shape[1] != columns or str(bounces.columns) != f"tree:{samples}":
-        raise ValueError(f"expected bounces over the tree of their samples, found {bounces.columns}")
-    triangles = len(stored["triangles"])
+    triangles, columns = len(stored["triangles"]), Inner(f"tree:{samples}").columns
     shapes: dict[str, tuple[type, tuple[int, ...]]] = {
         "vertices": (np.float64, (len(stored["vertices"]), 3)),
         "triangles": (np.uint32, (triangles, 3)),
         "of_triangle": (np.uint32, (triangles,)),
-        "view_origin": (np.float32, (rows, 3)),
-        "view_normal": (np.float32, (rows, 3)),
-        "view_horizon": (np.float32, (rows, 3)),
-        "cell_origin": (np.float32, (samples * EACH, 3)),
-        "cell_normal": (np.float32, (samples * EACH, 3)),
-        "cell_horizon": (np.float32, (samples * EACH, 3)),
         "areas": (np.float64, (samples,)),
         "weights": (np.float64, (columns,)),
         "albedo": (np.float32, (samples, 3)),
         "material": (np.uint16, (samples,)),
     }
+    for of, count in (("view", rows), ("cell", samples * EACH), ("node", nodes * EACH)):
+        if count:
+            shapes |= {f"{of}_{what}": (np.float32, (count, 3)) for what in POINTS}
     for name, (kind, shape) in shapes.items():
         array(stored, name, kind, shape)
     if not ((stored["weights"] > 0).all() and (stored["albedo"] >= 0).all() and (stored["areas"] > 0).all()):
@@ -228,7 +251,8 @@ def _part(folder: Path, about: Mapping[str, Any], stored: Mapping[str, NDArray[A
     """One material of a manifest."""
     number = int(about["number"])
     low, high = about["range"]
-    family = Family(about["model"], (low, high), live=int(about["live"]), segments=int(about["segments"]))
+    parts, f0 = int(about["segments"]), float(about["f0"])
+    family = Family(about["model"], (low, high), live=int(about["live"]), segments=parts, f0=f0)
     segments = tuple(Transport.open(folder / f"part-{number}-{k}") for k in range(family.segments))
     rows = stored[f"rows_{number}"]
     if rows.dtype != np.uint32 or rows.shape != (segments[0].shape[0],):

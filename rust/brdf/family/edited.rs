@@ -37,13 +37,15 @@ pub const MODELS: [(&str, Model); 6] = [
 ];
 
 /// f_E of a model, in one of two forms.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Edited {
     /// Whose it is.
     pub model: Model,
     /// As Nguyen 2010 prints it (table 4), in the place of the form under which the model reflects no more than all light:
     /// Blinn and Phong's reflects up to four times as much, Cook and Torrance's has cos^4 delta in the other factor.
     pub printed: bool,
+    /// What facets reflect at normal incidence, and more at others as Schlick has it: it stands still. 1: mirrors.
+    pub f0: f64,
 }
 
 impl Edited {
@@ -54,7 +56,15 @@ impl Edited {
             let names = MODELS.map(|(name, _)| name).join(", ");
             Error::input(format!("expected a model of {names}, got {name:?}"))
         })?;
-        Ok(Edited { model, printed })
+        Ok(Edited { model, printed, f0: 1.0 })
+    }
+
+    /// With facets that reflect so much at normal incidence; Lafortune's model has none.
+    pub fn with_facets(self, f0: f64) -> Result<Edited> {
+        if self.model == Model::Lafortune && f0 != 1.0 {
+            return Err(Error::input("expected f0 of a model of the half vector: lafortune has no facets"));
+        }
+        Ok(Edited { f0: within("f0", f0, 0.0, 1.0)?, ..self })
     }
 
     /// Whether the parameter is an exponent; else it is a roughness.
@@ -78,8 +88,8 @@ impl Edited {
         if self.is_power() { 1.0 / high } else { (0.5 * low * low).min(1.0) }
     }
 
-    /// Where f_E is asked for two directions, as 1 - cos delta, and f_F there, without Fresnel's factor; None where the model
-    /// is 0. Lafortune's coefficients are Phong's.
+    /// Where f_E is asked for two directions, as 1 - cos delta, and f_F there; None where the model is 0. Lafortune's
+    /// coefficients are Phong's.
     pub fn fixed(self, wi: Direction, wo: Direction) -> Option<(f64, f64)> {
         if self.model == Model::Lafortune {
             let apart: Direction = std::array::from_fn(|k| mirrored(wo)[k] - wi[k]);
@@ -102,31 +112,58 @@ impl Edited {
                 if self.printed { seen / (cosine2 * cosine2) } else { 0.25 * seen }
             }
         };
-        Some((fall.min(1.0), fixed))
+        let grazing = 1.0 - half.cos_d;
+        let fresnel = self.f0 + (1.0 - self.f0) * grazing.powi(5);
+        Some((fall.min(1.0), fresnel * fixed))
+    }
+
+    /// What the exponent of f_E is a multiple of: ln cos delta, or tan² delta. Infinite at the horizon.
+    pub fn abscissa(self, fall: f64) -> f64 {
+        if self.is_power() {
+            return (-fall).ln_1p();
+        }
+        let cosine = 1.0 - fall;
+        fall * (2.0 - fall) / (cosine * cosine)
+    }
+
+    /// f_E of one parameter, over the abscissa.
+    pub fn at(self, gamma: f64) -> Curve {
+        let gaussian = 1.0 / (PI * gamma * gamma);
+        let (scale, fourth) = match (self.model, self.printed) {
+            (Model::BlinnPhong, false) => {
+                ((gamma + 2.0) * (gamma + 4.0) / (8.0 * PI * ((-0.5 * gamma).exp2() + gamma)), false)
+            }
+            (Model::BlinnPhong, true) | (Model::Lafortune, _) => ((gamma + 2.0) / (2.0 * PI), false),
+            (Model::AshikhminShirley, _) => ((gamma + 1.0) / (8.0 * PI), false),
+            (Model::Ward | Model::WardDuer, _) => (0.25 * gaussian, false),
+            (Model::CookTorrance, printed) => (gaussian, !printed),
+        };
+        Curve { scale, rate: if self.is_power() { gamma } else { -1.0 / (gamma * gamma) }, fourth }
     }
 
     /// f_E.
     pub fn value(self, gamma: f64, fall: f64) -> f64 {
-        // ln cos delta; at the horizon all lobes have ended.
-        let logarithm = (-fall).ln_1p();
-        if logarithm == f64::NEG_INFINITY {
+        self.at(gamma).value(self.abscissa(fall))
+    }
+}
+
+/// f_E of one parameter: an exponential of the abscissa, for Cook and Torrance over cos^4 delta.
+#[derive(Clone, Copy, Debug)]
+pub struct Curve {
+    scale: f64,
+    rate: f64,
+    fourth: bool,
+}
+
+impl Curve {
+    /// f_E where the abscissa is x; at the horizon all lobes have ended.
+    #[inline(always)]
+    pub fn value(self, x: f64) -> f64 {
+        if x.is_infinite() {
             return 0.0;
         }
-        let power = (gamma * logarithm).exp();
-        let gaussian = |quarters: f64| {
-            let cosine = 1.0 - fall;
-            let tangent2 = fall * (2.0 - fall) / (cosine * cosine);
-            (-tangent2 / (gamma * gamma) - quarters * logarithm).exp() / (PI * gamma * gamma)
-        };
-        match (self.model, self.printed) {
-            (Model::BlinnPhong, false) => {
-                (gamma + 2.0) * (gamma + 4.0) / (8.0 * PI * ((-0.5 * gamma).exp2() + gamma)) * power
-            }
-            (Model::BlinnPhong, true) | (Model::Lafortune, _) => (gamma + 2.0) / (2.0 * PI) * power,
-            (Model::AshikhminShirley, _) => (gamma + 1.0) / (8.0 * PI) * power,
-            (Model::Ward | Model::WardDuer, _) => 0.25 * gaussian(0.0),
-            (Model::CookTorrance, false) => gaussian(4.0),
-            (Model::CookTorrance, true) => gaussian(0.0),
-        }
+        // 1 / cos² = 1 + tan².
+        let over = if self.fourth { (1.0 + x) * (1.0 + x) } else { 1.0 };
+        self.scale * over * (self.rate * x).exp()
     }
 }

@@ -77,7 +77,9 @@ impl Lookup {
                 if self.edited.printed { seen / (cos_h2 * cos_h2) } else { 0.25 * seen }
             }
         };
-        (fall, fixed)
+        let (grazing, f0) = (1.0 - cos_d, self.edited.f0 as f32);
+        let squared = grazing * grazing;
+        (fall, (f0 + (1.0 - f0) * (squared * squared * grazing)) * fixed)
     }
 
     /// Adds a group of functions at 1 - cos delta, times a share.

@@ -25,7 +25,7 @@ use rayon::prelude::*;
 use crate::error::{Error, Result};
 
 use axis::Axis;
-pub use edited::{Edited, MODELS, Model};
+pub use edited::{Curve, Edited, MODELS, Model};
 pub use lookup::Lookup;
 use span::Span;
 

@@ -29,9 +29,15 @@ pub(super) struct Span {
     evenly: bool,
 }
 
-/// f_E at the angles of an axis, each times a factor of its own.
+/// f_E at the angles of an axis.
+fn values(edited: Edited, axis: &Axis, gamma: f64) -> impl Iterator<Item = f64> {
+    let curve = edited.at(gamma);
+    axis.falls().iter().map(move |&fall| curve.value(edited.abscissa(fall)))
+}
+
+/// The same, each times a factor of its own.
 fn sampled(edited: Edited, axis: &Axis, gamma: f64, factors: &[f64]) -> Vec<f64> {
-    axis.falls().iter().zip(factors).map(|(&fall, factor)| factor * edited.value(gamma, fall)).collect()
+    values(edited, axis, gamma).zip(factors).map(|(value, factor)| factor * value).collect()
 }
 
 impl Span {
@@ -79,7 +85,7 @@ impl Span {
 
     /// c of a parameter: K inner products.
     pub fn coefficients(&self, edited: Edited, axis: &Axis, gamma: f64) -> Vec<f64> {
-        let mut values: Vec<f64> = axis.falls().iter().map(|&fall| edited.value(gamma, fall)).collect();
+        let mut values: Vec<f64> = values(edited, axis, gamma).collect();
         if self.mean {
             values.iter_mut().zip(&self.functions[0]).for_each(|(value, mean)| *value -= mean);
         }

@@ -10,12 +10,14 @@ use crate::transport::{GROUP, TransportMatrix};
 use super::kernel::Sums;
 use super::response::Response;
 
-/// How the K responses of a receiver make one: rows x K weights.
+/// How the K responses of a receiver make one: rows x K weights, or K that are all rows'.
 ///
 /// Changing it changes no response: another view of a glossy scene, or another BRDF of a family, costs a mix.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mix {
+    rows: usize,
     factors: usize,
+    /// Of each row, or of all alike.
     weights: Vec<f32>,
     /// For each factor the largest magnitude of a weight.
     largest: Vec<f64>,
@@ -28,17 +30,29 @@ impl Mix {
             let count = weights.len();
             return Err(Error::input(format!("expected {factors} weights a row, got {count} in all")));
         }
+        Mix::checked(weights.len() / factors, factors, weights)
+    }
+
+    /// The same finite weights for all rows.
+    pub fn alike(weights: Vec<f32>, rows: usize) -> Result<Self> {
+        if weights.is_empty() {
+            return Err(Error::input("expected weights of factors, got none"));
+        }
+        Mix::checked(rows, weights.len(), weights)
+    }
+
+    fn checked(rows: usize, factors: usize, weights: Vec<f32>) -> Result<Self> {
         if let Some(weight) = weights.iter().find(|weight| !weight.is_finite()) {
             return Err(Error::input(format!("expected finite weights, got {weight}")));
         }
         let of = |factor: usize| weights.iter().skip(factor).step_by(factors).map(|weight| f64::from(weight.abs()));
         let largest = (0..factors).map(|factor| of(factor).fold(0.0, f64::max)).collect();
-        Ok(Mix { factors, weights, largest })
+        Ok(Mix { rows, factors, weights, largest })
     }
 
     /// (rows, factors)
     pub fn shape(&self) -> (usize, usize) {
-        (self.weights.len() / self.factors, self.factors)
+        (self.rows, self.factors)
     }
 
     /// For each factor the largest magnitude of a weight.
@@ -48,6 +62,9 @@ impl Mix {
 
     /// The weights of a row.
     pub fn row(&self, row: usize) -> &[f32] {
+        if self.weights.len() == self.factors {
+            return &self.weights;
+        }
         &self.weights[row * self.factors..(row + 1) * self.factors]
     }
 

@@ -14,6 +14,7 @@ from ..case import Case
 from ..pictures import show
 from ..shape import Study
 from ..sheet import Sheet
+from . import carriers
 from .freezing_findings import METHODS, SWEEPS, Findings, found_of
 
 __all__ = ["STUDY"]
@@ -29,6 +30,7 @@ def run(case: Case, sheet: Sheet, progress: Progress) -> None:
     _tell(sheet, findings)
     _draw(sheet, findings)
     _sweep(sheet, findings)
+    _carry(sheet, findings)
     sheet.csv("freezing.csv", findings.table())
     sheet.claims(_claims(findings))
 
@@ -111,6 +113,28 @@ def _sweep(sheet: Sheet, findings: Findings) -> None:
         axes[0].legend(fontsize=7)
 
 
+def _carry(sheet: Sheet, findings: Findings) -> None:
+    sheet.heading("Nodes beside D")
+    sheet.text(
+        "Diffuse light that has bounced once, as nodes carry it to the view and as D does, which all above is made "
+        f"with; against {carriers.SIDE**2:,} rays of some rows to what the lamp lights, L1. First under a lamp that "
+        "shines evenly, then under one with a sharp cone. Nodes are what studios are made with unless asked otherwise."
+    )
+    lines = [
+        (
+            own.name,
+            f"{own.nbytes / 1e6:.2f}",
+            f"{own.seconds:.1f}",
+            f"{1e3 * own.step:.2f}",
+            " / ".join(f"{100 * error:.2g}" for error in own.errors.values()) + " %",
+            " / ".join(f"{100 * total:+.2g}" for total in own.totals.values()) + " %",
+        )
+        for own in findings.ways
+    ]
+    headings = ["By", "MB", "Made in, s", "Move of a lamp but for its rays, ms", "Error", "Of all its light"]
+    sheet.table(headings, lines)
+
+
 def _claims(findings: Findings) -> Sequence[Verdict]:
     terms = findings.terms[0]
     ratios = {s: findings.errors["BI", terms, s] / max(findings.errors["NWA", terms, s], 1e-12) for s in SWEEPS}
@@ -118,6 +142,8 @@ def _claims(findings: Findings) -> Sequence[Verdict]:
     slowest = ratios[next(iter(SWEEPS))]
     frozen = max(own.frozen_error for own in findings.objects)
     edit = max(own.edit for own in findings.objects)
+    nodes, gathered = findings.ways[0], findings.ways[-1]
+    off, other = (max(abs(total) for total in own.totals.values()) for own in (nodes, gathered))
     return [
         Verdict(
             "A frozen material looks as the live one (section 6).",
@@ -138,6 +164,12 @@ def _claims(findings: Findings) -> Sequence[Verdict]:
             ""
             if max(ratios.values()) <= _HALF and slowest <= _TENTH
             else "Few samples are few wavelets: the same terms are most of them.",
+        ),
+        Verdict(
+            "Nodes lose less light than D, in less time (our aim).",
+            off <= other and nodes.step <= gathered.step,
+            f"{100 * off:.2g} % beside {100 * other:.2g} %, {1e3 * nodes.step:.2f} ms beside {1e3 * gathered.step:.2f}",
+            "" if off <= other and nodes.step <= gathered.step else "D of few samples and rows is a small matrix.",
         ),
     ]
 

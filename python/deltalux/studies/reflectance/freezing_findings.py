@@ -15,6 +15,7 @@ from ...light.lamps import Spot
 from ...precomputation.studio import precompute_studio
 from ...progress import Progress
 from ...update.methods import Incremental, Method, Nonlinear, PerBand
+from .carriers import Way, ways
 
 if TYPE_CHECKING:
     from ...scene.scene import Scene
@@ -60,6 +61,8 @@ class Findings:
     pictures: list[tuple[str, NDArray[np.float32]]]
     errors: dict[tuple[str, int, str], float]
     times: dict[tuple[str, int], float]
+    ways: list[Way]
+    """That diffuse light is carried in."""
 
     def table(self) -> list[dict[str, str]]:
         """All errors, as a file holds them."""
@@ -71,13 +74,13 @@ class Findings:
 
 def found_of(scene: Scene, path: Path, progress: Progress) -> Findings:
     """Makes the studio of a scene and measures it."""
-    steps = 2 + len(SWEEPS)
+    steps = 3 + len(SWEEPS)
     progress(0, steps)
     scene = replace(scene, names=tuple(name or f"material {k}" for k, name in enumerate(_names(scene))))
     objects = sorted(scene.names, key=lambda name: name not in _PREFERRED)[: len(_FAMILIES)]
     families = {name: Family(model, ends, error=0.005) for name, (model, ends) in zip(objects, _FAMILIES, strict=False)}
     made = precompute_studio(
-        scene, path, families=families, gather=GATHER, bounces=2, tolerance=TOLERANCE, progress=False
+        scene, path, families=families, gather=GATHER, bounces=2, nodes=0, tolerance=TOLERANCE, progress=False
     )
     progress(1, steps)
     stage = _Stage(scene, made)
@@ -89,9 +92,11 @@ def found_of(scene: Scene, path: Path, progress: Progress) -> Findings:
     for number, (sweep, share) in enumerate(SWEEPS.items()):
         stage.sweep(sweep, share, errors, times)
         progress(3 + number, steps)
+    carried = ways(scene, path.parent)
+    progress(steps, steps)
     return Findings(
-        samples=made.bounces.shape[0],
-        rows=made.diffuse.shape[0],
+        samples=len(made.albedo),
+        rows=len(made.pixels),
         seconds=made.seconds,
         tolerance=TOLERANCE,
         terms=TERMS,
@@ -100,6 +105,7 @@ def found_of(scene: Scene, path: Path, progress: Progress) -> Findings:
         pictures=pictures,
         errors=errors,
         times=times,
+        ways=carried,
     )
 
 
