@@ -95,6 +95,26 @@ def test_frames_go_into_a_video_with_a_tone(made, tmp_path, capsys):
     assert not (tmp_path / "g").exists()
 
 
+def test_scenes_are_cut_out_with_the_shadow_on_their_ground(tmp_path, capsys):
+    path, out = tmp_path / "t.transport", tmp_path / "f"
+    scene = dl.Scene.builtin("cornell").with_ground()
+    scene = scene.with_camera(scene.camera.resized(16, 16))
+    dl.precompute(scene, path, columns="haar:8", quality="preview", progress=False)
+    film = f"--frames 3 --rotate 90 --format both --video {tmp_path / 'a.webp'}"
+    assert main(f"relight {path} --env hall --background none --catcher {film} -o {out}".split()) == 0
+    assert main(f"render {path} --env hall --background none --catcher -o {tmp_path / 'a.png'}".split()) == 0
+    with Image.open(tmp_path / "a.png") as still, Image.open(out / "frame-0000.png") as frame:
+        np.testing.assert_array_equal(np.array(still)[..., 3], np.array(frame)[..., 3])
+    last = np.array(Image.open(out / "frame-0002.png"))
+    assert last.shape == (16, 16, 4) and len(np.unique(last[..., 3])) > 2
+    with Image.open(tmp_path / "a.webp") as video:
+        video.seek(2)
+        shown = np.array(video.convert("RGBA"))
+    # Lossy colours, and alpha as it is.
+    np.testing.assert_array_equal(shown[..., 3], last[..., 3])
+    assert main(f"relight {path} --env hall --catcher --frames 1 -o {tmp_path / 'g'}".split()) == 0
+
+
 def test_a_budget_in_time_says_how_often_it_was_kept(made, tmp_path, capsys):
     assert main(f"relight {made} --env hall --frames 4 --milliseconds 1e6 -o {tmp_path / 'f'}".split()) == 0
     assert "3 of 3 within 1e+06 ms" in capsys.readouterr().out

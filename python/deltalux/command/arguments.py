@@ -104,14 +104,15 @@ def motion_of(chosen: argparse.Namespace) -> Motion:
 
 
 def add_background(command: argparse.ArgumentParser) -> None:
-    """The argument of what pictures show behind the scene."""
+    """The arguments of what pictures show behind the scene, and through its ground."""
     command.add_argument(
         "--background",
         type=read_background,
         default="env",
         metavar="env|none|#rrggbb",
-        help="behind the scene; default: %(default)s",
+        help="behind the scene, none: files with alpha; default: %(default)s",
     )
+    command.add_argument("--catcher", action="store_true", help="of the ground show only the shadow on it")
 
 
 def read_background(text: str) -> str:

@@ -88,6 +88,7 @@ def _relight(chosen: argparse.Namespace) -> None:
         "half": chosen.half,
         "tone": chosen.tone,
         "background": chosen.background,
+        "catcher": chosen.catcher,
     }
     with video(chosen.video) if chosen.video is not None else nullcontext() as reel:
         relit = relight_frames(transport, film, chosen.output, method, reel=reel, **options)

@@ -40,6 +40,9 @@ from .checked import (
 )
 from .content import Content, Piece
 
+GROUND = "ground"
+"""What the material of the plane under a scene is called."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Scene(Surface):
@@ -306,7 +309,7 @@ class Scene(Surface):
         return self._joined_by(
             np.array(square),
             np.array([(0, 1, 2), (0, 2, 3)]),
-            "ground",
+            GROUND,
             checked_albedo(np.broadcast_to(real_array("albedo", albedo, np.float64), (1, 3))),
         )
 
