@@ -221,10 +221,11 @@ def scene_of(chosen: argparse.Namespace) -> Scene:
         camera = Camera(position, target, vertical_fov=fov)
     if chosen.size is not None and isinstance(camera, Camera):
         camera = camera.resized(*chosen.size)
+    up, within = getattr(chosen, "up", "y"), getattr(chosen, "within", None)
     if name not in SCENES:
-        scene = Scene.load(name, camera, up=getattr(chosen, "up", "y"))
-    elif isinstance(camera, str) or getattr(chosen, "up", "y") != "y":
-        raise ValueError(f"expected --up and the name of a camera with a file only, got {name}")
+        scene = Scene.load(name, camera, up=up, scene=within)
+    elif isinstance(camera, str) or up != "y" or within is not None:
+        raise ValueError(f"expected --up, --scene and the name of a camera with a file only, got {name}")
     else:
         scene = Scene.builtin(name, camera)
     scene = scene.with_ground() if getattr(chosen, "ground", False) else scene

@@ -37,6 +37,9 @@ def add(commands: Any) -> None:
         help="position, target, degrees; or a camera of the file",
     )
     command.add_argument(
+        "--scene", dest="within", metavar="NAME", help="of a glTF file with several: its name or number"
+    )
+    command.add_argument(
         "--up", choices=("y", "z"), default="y", help="axis that points upwards in the file; default: %(default)s"
     )
     command.add_argument(

@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 from ..camera import Camera
 from ..checks import as_vector, one_of, real_array
+from ..mistakes import near
 from ..surface.material import Material
 from ..surface.surface import Surface, of_materials
 from ..surface.texture import Sampler
@@ -86,7 +87,7 @@ class Scene(Surface):
         up : str
             The axis that points upwards in the file, "y" or "z", as in CAD, GIS and scanners: it is turned to be +Y.
         scene : int or str, optional
-            Of a file with several (glTF): its number or its name; otherwise the one that the file names.
+            Of a file with several (glTF): its name or its number, from 0; otherwise the one that the file names.
 
         Returns
         -------
@@ -493,7 +494,7 @@ def _camera_of(content: Content, camera: Camera | str | None, up: str) -> Camera
         return camera
     if camera is not None and camera not in content.cameras:
         known = ", ".join(content.cameras) or "none"
-        raise ValueError(f"expected the name of a camera ({known}), got {camera!r}")
+        raise ValueError(f"expected the name of a camera ({known}), got {camera!r}{near(camera, content.cameras)}")
     found = content.cameras[camera] if camera is not None else next(iter(content.cameras.values()), None)
     if found is None or up == "y":
         return found
