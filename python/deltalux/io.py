@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +17,7 @@ from .checks import one_of
 from .images.oiio import library, reason
 from .images.reading import load_image
 from .images.tone import agx
-from .mistakes import checked_path
+from .mistakes import checked_path, described
 
 __all__ = ["TONES", "auto_exposure", "load_image", "magnification", "save_image", "to_display", "write"]
 
@@ -53,6 +55,8 @@ def to_display(image: ArrayLike, exposure: float = 0.0, tone: str = "srgb") -> N
     """
     if tone != "srgb":
         one_of("tone", tone, TONES)
+    if not (isinstance(exposure, Real) and math.isfinite(exposure)):
+        raise ValueError(f"expected exposure to be a number of stops, got {exposure!r}; auto_exposure(picture) is one")
     linear = np.ascontiguousarray(image, np.float32)
     if linear.ndim == 3 and linear.shape[2] == 4:
         return _cut_out(linear, exposure, tone)
@@ -97,7 +101,9 @@ def save_image(
     ValueError
         Another format, shape or type.
     OSError
-        The file cannot be written (no permission, no such directory, disk full).
+        The file cannot be written (no permission, disk full).
+    FileNotFoundError
+        There is no such directory.
     """
     target = Path(path)
     pixels = _writable(target, np.asarray(image))
@@ -115,6 +121,8 @@ def save_image(
         spec.attribute(key, value)
 
     # Beside the target, so that the renaming stays within one file system; the suffix chooses the format.
+    if not target.parent.is_dir():
+        raise FileNotFoundError(f"expected a directory to write {target.name} into, but {target.parent} does not exist")
     beside = target.with_name(f".{target.stem}.tmp-{os.getpid()}{target.suffix}")
     try:
         with open(beside, "wb"):
@@ -213,5 +221,18 @@ def write(path: str | os.PathLike[str], picture: ArrayLike, *, exposure: float =
         The file cannot be written.
     """
     checked_path(path, "a path, and then a picture")
+    picture = _radiance(picture)
     shown = Path(path).suffix.lower() == ".png"
     save_image(path, to_display(picture, exposure, tone) if shown else np.asarray(picture, np.float32))
+
+
+def _radiance(picture: ArrayLike) -> NDArray[Any]:
+    """A picture, and nothing that only looks like one."""
+    pixels = np.asarray(picture)
+    if pixels.dtype.kind != "f":
+        eight = "; save_image of deltalux.io writes those of a display" if pixels.dtype == np.uint8 else ""
+        what = described(picture) if pixels.dtype.kind not in "iub" else f"an array of {pixels.dtype}"
+        raise TypeError(f"expected a picture, linear radiance in floats, got {what}{eight}")
+    if pixels.ndim == 2 and pixels.shape[1] == 3:
+        raise ValueError(f"expected a picture, got {pixels.shape}, as of a product B; transport.image(B) makes one")
+    return pixels

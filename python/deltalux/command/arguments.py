@@ -37,15 +37,24 @@ class Parser(argparse.ArgumentParser):
         self._negative_number_matcher = re.compile(r"-[\d.]")
 
     def error(self, message: str) -> NoReturn:
-        unknown = re.search(r"unrecognized arguments: (--[\w-]+)", message)
-        meant = near(unknown[1], self.options()) if unknown else ""
+        unknown = re.search(r"unrecognized arguments: --([\w-]+)", message)
+        # Dashes, which all have, make none alike.
+        names = [name[2:] for name in self.options() if name.startswith("--")]
+        meant = near(unknown[1], names).replace("'", "'--", 1) if unknown else ""
         raise ValueError(f"{message}{meant} ({self.prog} --help says more)")
 
+    def parse_known_args(  # pyright: ignore[reportIncompatibleMethodOverride]
+        self, args: Any = None, namespace: Any = None
+    ) -> tuple[Any, list[str]]:
+        """As argparse has it, but that each command answers itself for what it does not know."""
+        known, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            self.error(f"unrecognized arguments: {' '.join(unknown)}")
+        return known, unknown
+
     def options(self) -> list[str]:
-        """The names of all options, those of its commands included."""
-        commands = [action for action in self._actions if isinstance(action, argparse._SubParsersAction)]
-        own = [name for action in self._actions for name in action.option_strings]
-        return own + [name for action in commands for command in action.choices.values() for name in command.options()]
+        """The names of its options."""
+        return [name for action in self._actions for name in action.option_strings]
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
@@ -125,7 +134,7 @@ def read_background(text: str) -> str:
 
 def read_size(text: str) -> tuple[int, int]:
     """A size in pixels, such as 512x512."""
-    width, by, height = text.partition("x")
+    width, by, height = text.lower().partition("x")
     if not (by and width.isdecimal() and height.isdecimal()):
         raise argparse.ArgumentTypeError(f"expected a size like 512x512, got {text!r}")
     return int(width), int(height)
@@ -137,6 +146,17 @@ def read_threads(text: str) -> int:
     if not text.isdecimal() or int(text) > most:
         raise argparse.ArgumentTypeError(f"expected 0 to {most} threads, on {os.cpu_count()} processors, got {text!r}")
     return int(text)
+
+
+def read_milliseconds(text: str) -> float:
+    """A budget in time."""
+    try:
+        budget = float(text)
+    except ValueError:
+        budget = 0.0
+    if not 0.0 < budget < math.inf:
+        raise argparse.ArgumentTypeError(f"expected more than 0 milliseconds a frame, got {text!r}")
+    return budget
 
 
 def read_terms(text: str) -> int:

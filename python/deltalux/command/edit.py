@@ -13,7 +13,7 @@ from ..output import check_folder
 from ..precomputation.curves import precompute_curves
 from ..transport.curves import CurveTransport
 from ..update.methods import Incremental
-from .arguments import add_command, add_light, environment_of, read_size, say
+from .arguments import add_command, add_light, environment_of, read_size, read_terms, say
 
 _DEMO = "demo"
 _FOLDER, _LIGHT, _SIZE = "deltalux-edit", "hall", (144, 108)
@@ -27,7 +27,9 @@ def add(commands: Any) -> None:
         "transport", metavar="TRANSPORT", help=f"a transport of curves, or {_DEMO}: pearl earrings, in two minutes"
     )
     command.add_argument("--session", metavar="FILE", help="edits as JSON (deltalux.edit.session)")
-    command.add_argument("--terms", type=int, default=30, help="columns a frame and material; default: %(default)s")
+    command.add_argument(
+        "--terms", type=read_terms, default=30, help="columns a frame and material; default: %(default)s"
+    )
     add_light(command, default=f"{_LIGHT}, of the {_DEMO}")
     command.add_argument("--size", type=read_size, metavar="WxH", help=f"of the {_DEMO}; default: 144x108")
     command.add_argument("-o", "--output", default=_FOLDER, metavar="FOLDER", help="default: %(default)s")

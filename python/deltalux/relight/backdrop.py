@@ -11,6 +11,7 @@ from .._core import Behind
 from ..camera import Camera
 from ..io import auto_exposure
 from ..light.environment import Environment
+from ..mistakes import instead_of
 from ..transport.transport import Transport
 from .catcher import Catcher
 
@@ -19,7 +20,7 @@ __all__ = ["Backdrop", "checked_backdrop"]
 
 def checked_backdrop(word: str) -> str:
     """The word itself; ValueError where it says no background."""
-    if word not in ("env", "none") and not re.fullmatch(r"#[0-9a-fA-F]{6}", word):
+    if word not in ("env", "none") and not (isinstance(word, str) and re.fullmatch(r"#[0-9a-fA-F]{6}", word)):
         raise ValueError(f"expected a background of env, none or #rrggbb, got {word!r}")
     return word
 
@@ -41,6 +42,8 @@ class Backdrop:
 
     Raises
     ------
+    TypeError
+        If it is no transport.
     ValueError
         If the word says no background, or there is no level ground to catch shadows.
     """
@@ -48,6 +51,8 @@ class Backdrop:
     def __init__(
         self, transport: Transport, word: str = "none", camera: Camera | None = None, *, catcher: bool = False
     ) -> None:
+        if not isinstance(transport, Transport):
+            raise instead_of("Transport", transport)
         self._transport, self._camera, self._word = transport, camera, checked_backdrop(word)
         self._catcher = Catcher(transport) if catcher else None
 
@@ -75,6 +80,8 @@ class Backdrop:
 
         Raises
         ------
+        TypeError
+            If an argument is something else.
         ValueError
             If the shape is wrong, or the ground is not level.
         """
@@ -99,6 +106,11 @@ class Backdrop:
         -------
         float
             Stops, as of `deltalux.io.auto_exposure`.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As `picture`.
         """
         return auto_exposure(self._lit(B, env, None)[0])
 
@@ -106,6 +118,8 @@ class Backdrop:
         self, B: ArrayLike, env: Environment, V: NDArray[np.float64] | None
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Surfaces, before the light where that is the background, and the share of each pixel that shows none."""
+        if not isinstance(env, Environment):
+            raise instead_of("Environment", env)
         seen = self._transport.seen(B, self._camera)
         if self._catcher is None:
             picture, bare = seen.picture(), seen.samples.background

@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from ..camera import Camera
 from ..checks import as_vector, one_of, real_array
-from ..mistakes import near
+from ..mistakes import checked_path, instead_of, near, refuse_kind
 from ..surface.material import Material
 from ..surface.surface import Surface, of_materials
 from ..surface.texture import Sampler
@@ -101,7 +101,11 @@ class Scene(Surface):
         FileError
             A `ValueError`: the file is broken, of an unknown kind, has no triangles, or nothing of that name.
         """
+        checked_path(path, "the path of a scene")
         one_of("up", up, ("y", "z"))
+        if os.fspath(path) in catalogue.SCENES and not os.path.exists(path):
+            raise FileNotFoundError(f"{path}: there is no such file; dl.Scene.builtin({path!r}) is a scene")
+        refuse_kind(path, "a scene")
         content = files.read(path, scene)
         with files.blaming(path):
             return cls.from_content(content, camera, up)
@@ -280,7 +284,14 @@ class Scene(Surface):
         -------
         Scene
             A new one, which shares the arrays.
+
+        Raises
+        ------
+        TypeError
+            If it is no camera.
         """
+        if not isinstance(camera, Camera):
+            raise instead_of("Camera", camera)
         return replace(self, camera=camera)
 
     def with_ground(self, albedo: npt.ArrayLike = (0.5, 0.5, 0.5)) -> Scene:
@@ -492,6 +503,8 @@ def _camera_of(content: Content, camera: Camera | str | None, up: str) -> Camera
     """The camera that was asked for, or the content's first, turned as the content is; None where there is none."""
     if isinstance(camera, Camera):
         return camera
+    if not (camera is None or isinstance(camera, str)):
+        raise instead_of("Camera", camera)
     if camera is not None and camera not in content.cameras:
         known = ", ".join(content.cameras) or "none"
         raise ValueError(f"expected the name of a camera ({known}), got {camera!r}{near(camera, content.cameras)}")

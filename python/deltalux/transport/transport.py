@@ -70,8 +70,8 @@ class Transport(Matrix):
             super().__init__(path)
         else:
             checked_path(path, "the path of a transport")
-            refuse_missing(path)
             refuse_kind(path, "a transport")
+            refuse_missing(path)
             super().__init__(CoreTransport.open(path))
             self._path = Path(path).absolute()
 
@@ -348,7 +348,7 @@ class Transport(Matrix):
             If the shape is wrong, the rows are no vertices, or the file keeps no scene.
         """
         if not isinstance(camera, Camera):
-            raise ValueError(f"expected a dl.Camera to see vertices from, got {camera!r}")
+            raise instead_of("Camera", camera)
         picture = self.seen(B, camera).picture()
         if env is not None:
             env._behind(self._views.behind(camera), picture)
