@@ -204,9 +204,12 @@ class Environment:
         try:
             pixels, kind = layouts.recognise(image, envmap) if layout is None else (image, layout)
             pixels = layouts.convert(repaired(pixels, repair, halves="half" in metadata["format"]), kind, envmap)
-            return cls._from_pixels(pixels, os.path.basename(os.fspath(path)), rows)
+            env = cls._from_pixels(pixels, os.path.basename(os.fspath(path)), rows)
         except ValueError as error:
             raise ValueError(f"{os.fspath(path)}: {error}") from None
+        # The middle of a picture is at +Z and its right at -X: first about the middle, and then that is raised.
+        pitch, roll = metadata.get("pose", (0.0, 0.0))
+        return env.rotated(roll, "z").rotated(-pitch, "x") if pitch or roll else env
 
     @classmethod
     def builtin(cls, name: str) -> Environment:
