@@ -12,7 +12,7 @@ from deltalux.command.cli import main
 from deltalux.io import auto_exposure
 from deltalux.output import claim
 from deltalux.pages.verdict import Verdict, summed, tied
-from deltalux.progress import steps
+from deltalux.progress import reporter, steps
 from PIL import Image
 
 SMALL = "--size 16x16 --columns haar:8 --quality preview"
@@ -142,10 +142,33 @@ def test_steps_share_one_bar(capsys):
     assert shares == [(1, 2), (1, 2)]
     step_of = steps(True, "work", 2)
     first, second = step_of("errors"), step_of("pictures")
-    first._bar._started -= 20
-    first._bar._drawn -= 20
+    first._whole._started -= 20
+    first._whole._drawn -= 20
     first(1, 2)
-    first._bar._drawn -= 20
+    first._whole._drawn -= 20
     second(2, 2)
     lines = capsys.readouterr().err.splitlines()
-    assert "work, errors" in lines[0] and "25 %" in lines[0] and "work, pictures" in lines[1] and "100 %" in lines[1]
+    assert (
+        not shares[2:]
+        and "work, errors" in lines[0]
+        and "25 %" in lines[0]
+        and "work, pictures" in lines[1]
+        and "100 %" in lines[1]
+    )
+
+
+def test_steps_of_a_step_share_its_part_of_the_bar(capsys):
+    step_of = steps(True, "work", 2)
+    first = step_of("making")
+    bar = first._whole
+    steps(first, "unsaid", 4)("unseen")
+    assert reporter(first, "unsaid") is first
+    second = steps(step_of("showing"), "unsaid", 4)
+    second("pictures")
+    third = second("tables")
+    bar._started -= 20
+    bar._drawn -= 20
+    third(1, 2)
+    line = capsys.readouterr().err
+    # Half, and of the other half three of eight.
+    assert "work, tables" in line and f"{50 + 50 * 3 / 8:.0f} %" in line
