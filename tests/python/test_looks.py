@@ -324,3 +324,15 @@ def test_alpha_is_associated_in_exr_and_straight_in_png(tmp_path):
         assert np.array(shown).tolist() == [[[188, 137, 0, 128], [0, 0, 0, 64]], [[0, 0, 0, 0], [0, 0, 0, 0]]]
     with pytest.raises(ValueError, match=r"expected .exr or .png for a picture with alpha"):
         dl.write(tmp_path / "a.hdr", picture)
+
+
+@pytest.mark.parametrize(
+    "asked, why",
+    [({"receivers": "vertices"}, "vertices face as the mesh does"), ({"normals": "flat"}, "not asked for")],
+)
+def test_pictures_of_normals_that_are_left_out_are_said(asked, why):
+    """Between vertices, where pictures of normals have their detail, vertices have no rows to show it."""
+    square = dl.Scene.from_arrays(*oracles.quad((-1, 0, -1), (2, 0, 0), (0, 0, 2)), camera=CAMERA)
+    bumpy = replace(square, reliefs=(np.full((2, 2, 3), (0, 0, 1), np.float32),), uv=np.zeros((4, 2), np.float32))
+    left_out = dl.plan(bumpy, columns="haar:4", quality="preview", **asked).left_out
+    assert [str(found) for found in left_out if found.what == "pictures of normals"] == [f"pictures of normals: {why}"]
