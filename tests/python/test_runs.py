@@ -12,6 +12,7 @@ from deltalux.command.cli import main
 from deltalux.io import auto_exposure
 from deltalux.output import claim
 from deltalux.pages.verdict import Verdict, summed, tied
+from deltalux.pages.plotting import INK, drawing, logarithmic
 from deltalux.progress import reporter, steps
 from PIL import Image
 
@@ -172,3 +173,16 @@ def test_steps_of_a_step_share_its_part_of_the_bar(capsys):
     line = capsys.readouterr().err
     # Half, and of the other half three of eight.
     assert "work, tables" in line and f"{50 + 50 * 3 / 8:.0f} %" in line
+
+
+def test_plots_around_pictures_are_read_on_any_page(tmp_path):
+    with drawing(tmp_path / "a.png", 1, 1, (2, 2)) as (_, axes):
+        axes.imshow(np.zeros((4, 4)))
+        axes.set_title("title")
+    with drawing(tmp_path / "b.png", 1, 1, (2, 2)) as (_, lines):
+        lines.plot([1.0, 1e-3, 1e-15])
+        logarithmic(lines)
+    with Image.open(tmp_path / "a.png") as around, Image.open(tmp_path / "b.png") as alone:
+        assert around.convert("RGBA").getpixel((0, 0))[3] == 0 and alone.convert("RGBA").getpixel((0, 0)) == (255,) * 4
+    assert axes.title.get_color() == INK and lines.get_ylim()[0] == pytest.approx(1e-8)
+    assert len(lines.get_yticks()) > 2
