@@ -11,8 +11,8 @@ import pytest
 from deltalux.command.cli import main
 from deltalux.io import auto_exposure
 from deltalux.output import claim
-from deltalux.pages.verdict import Verdict, summed, tied
 from deltalux.pages.plotting import INK, drawing, logarithmic
+from deltalux.pages.verdict import Verdict, summed, tied
 from deltalux.progress import reporter, steps
 from PIL import Image
 

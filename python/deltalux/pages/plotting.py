@@ -120,7 +120,10 @@ def percent(axis: Any) -> None:
     """Plain numbers on an axis that is logarithmic."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-    axis.set_major_locator(LogLocator(10, subs=(1, 2, 5)))
+    low, high = axis.get_view_interval()
+    few = high <= 1e4 * max(low, 1e-300)
+    # Or the locator, short of room for marks between powers of ten, draws none at all.
+    axis.set_major_locator(LogLocator(10, subs=(1, 2, 5) if few else (1,), numticks=99))
     axis.set_major_formatter(
         FuncFormatter(lambda value, _: np.format_float_positional(value, 6, trim="-", fractional=False))
     )
