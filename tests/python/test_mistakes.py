@@ -78,6 +78,7 @@ CALLS = {
         r"\[material\] is a list",
     ),
     "a word for albedo": (lambda t: dl.Material(color=1), r"keywords of Material \(albedo"),
+    "a lamp added": (lambda t: HALL + dl.PointLight((0, 1, 0)), "an Environment, got a PointLight"),
     "a factor of three": (lambda t: HALL.scaled((1, 2, 3)), "tinted takes three"),
     "a tint of one": (lambda t: HALL.tinted(2), "three finite factors"),
     "precompute into nothing": (lambda t: dl.precompute(CORNELL, ""), "got an empty one"),

@@ -139,8 +139,12 @@ class Environment:
 
     def __add__(self, other: Environment) -> Environment:
         if not isinstance(other, Environment):
-            return NotImplemented
+            raise instead_of("Environment", other)
         return self._of((*self._layers, *other._layers), f"{self.name} and {other.name}")
+
+    def __radd__(self, nothing: int) -> Environment:
+        """What `sum` begins with adds nothing."""
+        return self if nothing == 0 else NotImplemented
 
     @classmethod
     def load(

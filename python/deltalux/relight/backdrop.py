@@ -56,6 +56,10 @@ class Backdrop:
         self._transport, self._camera, self._word = transport, camera, checked_backdrop(word)
         self._catcher = Catcher(transport) if catcher else None
 
+    def __repr__(self) -> str:
+        catching = ", which catches shadows" if self._catcher else ""
+        return f"<Backdrop {self._word!r} of {self._transport!r}{catching}>"
+
     def picture(
         self, B: ArrayLike, env: Environment, exposure: float = 0.0, V: NDArray[np.float64] | None = None
     ) -> NDArray[np.float32]:

@@ -68,6 +68,10 @@ class Scene(Surface):
     counts: Mapping[str, int] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        seen = f"{self.camera.width} x {self.camera.height} pixels"
+        return f"<Scene {self.name!r}, {len(self.triangles):,} triangles, {len(self.albedo)} materials, {seen}>"
+
     @classmethod
     def load(
         cls,
