@@ -17,6 +17,7 @@ from .precomputation import views as _views  # noqa: F401, transports are told o
 from .precomputation.curves import precompute_curves
 from .precomputation.run import plan, precompute
 from .precomputation.studio import precompute_studio
+from .relight.backdrop import Backdrop
 from .relight.bound import Bound
 from .relight.compare import Comparison, compare
 from .relight.relighter import Frame, Relighter
@@ -33,6 +34,7 @@ from .update.methods import Full, HarmonicOrder, Incremental, Linear, Method, No
 __all__ = [
     "Approximation",
     "AreaLight",
+    "Backdrop",
     "Bound",
     "BrdfEditor",
     "Camera",

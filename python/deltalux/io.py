@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +17,7 @@ from .checks import one_of
 from .images.oiio import library, reason
 from .images.reading import load_image
 from .images.tone import agx
-from .mistakes import checked_path
+from .mistakes import checked_path, described
 
 __all__ = ["TONES", "auto_exposure", "load_image", "magnification", "save_image", "to_display", "write"]
 
@@ -34,8 +36,8 @@ def to_display(image: ArrayLike, exposure: float = 0.0, tone: str = "srgb") -> N
 
     Parameters
     ----------
-    image : (h, w, 3) or (h, w) floats
-        Linear radiance; NaN becomes black.
+    image : (h, w, 3), (h, w, 4) or (h, w) floats
+        Linear radiance; NaN becomes black. A fourth channel is alpha, which colours are multiplied by.
     exposure
         In stops.
     tone
@@ -44,7 +46,7 @@ def to_display(image: ArrayLike, exposure: float = 0.0, tone: str = "srgb") -> N
 
     Returns
     -------
-    uint8 array of the same shape.
+    uint8 array of the same shape; colours are not multiplied by alpha any more, which is linear.
 
     Raises
     ------
@@ -53,12 +55,24 @@ def to_display(image: ArrayLike, exposure: float = 0.0, tone: str = "srgb") -> N
     """
     if tone != "srgb":
         one_of("tone", tone, TONES)
+    if not (isinstance(exposure, Real) and math.isfinite(exposure)):
+        raise ValueError(f"expected exposure to be a number of stops, got {exposure!r}; auto_exposure(picture) is one")
     linear = np.ascontiguousarray(image, np.float32)
+    if linear.ndim == 3 and linear.shape[2] == 4:
+        return _cut_out(linear, exposure, tone)
     if tone == "agx":
         if linear.ndim != 3 or linear.shape[2] != 3:
             raise ValueError(f"expected a picture of shape (h, w, 3) for AgX, got {linear.shape}")
         return agx(linear * np.float32(2.0**exposure))
     return display(linear.ravel(), 2.0**exposure).reshape(linear.shape)
+
+
+def _cut_out(image: NDArray[np.float32], exposure: float, tone: str) -> NDArray[np.uint8]:
+    """A picture with alpha as displays and PNG have it: straight."""
+    alpha = np.nan_to_num(image[..., 3:]).clip(0.0, 1.0)
+    colours = np.divide(image[..., :3], alpha, out=np.zeros_like(image[..., :3]), where=alpha > 0)
+    covered = np.asarray(255.0 * alpha + 0.5, np.uint8)
+    return np.concatenate([to_display(colours, exposure, tone), covered], axis=2)
 
 
 def save_image(
@@ -74,8 +88,9 @@ def save_image(
     ----------
     path
         ``.exr`` (32-bit linear), ``.hdr`` (RGBE, which keeps 1 % of the largest channel) or ``.png`` (8-bit sRGB).
-    image : (h, w, 3) or (h, w)
-        Floats of linear radiance; for PNG the uint8 that `to_display` makes, so that no tone mapping is hidden.
+    image : (h, w, 3), (h, w, 4) or (h, w)
+        Floats of linear radiance, multiplied by alpha where there is a fourth channel; for PNG the uint8 that
+        `to_display` makes, so that no tone mapping is hidden.
     attributes
         Strings, integers and floats to be kept in the file (EXR).
     half
@@ -86,7 +101,9 @@ def save_image(
     ValueError
         Another format, shape or type.
     OSError
-        The file cannot be written (no permission, no such directory, disk full).
+        The file cannot be written (no permission, disk full).
+    FileNotFoundError
+        There is no such directory.
     """
     target = Path(path)
     pixels = _writable(target, np.asarray(image))
@@ -96,11 +113,16 @@ def save_image(
     spec = oiio.ImageSpec(width, height, channels, number)
     for key, value in _FAST.items():
         spec.attribute(key, value)
+    if pixels.dtype == np.uint8:
+        # Straight already: what is not said to be is divided by alpha once more.
+        spec.attribute("oiio:UnassociatedAlpha", 1)
     spec.attribute("oiio:ColorSpace", "srgb_rec709_scene" if pixels.dtype == np.uint8 else "lin_rec709_scene")
     for key, value in (attributes or {}).items():
         spec.attribute(key, value)
 
     # Beside the target, so that the renaming stays within one file system; the suffix chooses the format.
+    if not target.parent.is_dir():
+        raise FileNotFoundError(f"expected a directory to write {target.name} into, but {target.parent} does not exist")
     beside = target.with_name(f".{target.stem}.tmp-{os.getpid()}{target.suffix}")
     try:
         with open(beside, "wb"):
@@ -126,8 +148,10 @@ def _writable(target: Path, pixels: NDArray[Any]) -> NDArray[Any]:
         raise ValueError(f"expected a file name ending in {', '.join(_FORMATS)}, got {target.name!r}")
     if pixels.ndim == 2:
         pixels = pixels[:, :, None]
-    if pixels.ndim != 3 or pixels.shape[2] not in (1, 3) or 0 in pixels.shape:
-        raise ValueError(f"expected an image of shape (h, w, 3) or (h, w), got {pixels.shape}")
+    if pixels.ndim != 3 or pixels.shape[2] not in (1, 3, 4) or 0 in pixels.shape:
+        raise ValueError(f"expected an image of shape (h, w, 3), (h, w, 4) or (h, w), got {pixels.shape}")
+    if suffix == ".hdr" and pixels.shape[2] == 4:
+        raise ValueError(f"expected .exr or .png for a picture with alpha, which {suffix} has no room for")
     if suffix == ".png":
         if pixels.dtype != np.uint8:
             raise ValueError(f"expected uint8 for PNG (see to_display), got {pixels.dtype}")
@@ -142,7 +166,7 @@ def auto_exposure(image: NDArray[np.float32]) -> float:
 
     Parameters
     ----------
-    image : (h, w, 3) float32
+    image : (h, w, 3) or (h, w, 4) float32
         Linear radiance.
 
     Returns
@@ -150,7 +174,7 @@ def auto_exposure(image: NDArray[np.float32]) -> float:
     float
         In stops, for `to_display`; 0 where nothing is lit.
     """
-    lit = image.max(axis=-1)
+    lit = image[..., :3].max(axis=-1)
     lit = lit[lit > 0]
     return float(np.log2(0.9 / np.percentile(lit, 97))) if lit.size else 0.0
 
@@ -181,8 +205,9 @@ def write(path: str | os.PathLike[str], picture: ArrayLike, *, exposure: float =
     ----------
     path
         ``.exr`` or ``.hdr`` for linear radiance, ``.png`` for 8 bits a colour.
-    picture : (h, w, 3) or (h, w) floats
-        Linear radiance.
+    picture : (h, w, 3), (h, w, 4) or (h, w) floats
+        Linear radiance; a fourth channel is alpha, which colours are multiplied by: as it is in an EXR, and in a PNG
+        with colours of their own, as readers of either expect.
     exposure
         Stops, in a PNG.
     tone
@@ -196,5 +221,18 @@ def write(path: str | os.PathLike[str], picture: ArrayLike, *, exposure: float =
         The file cannot be written.
     """
     checked_path(path, "a path, and then a picture")
+    picture = _radiance(picture)
     shown = Path(path).suffix.lower() == ".png"
     save_image(path, to_display(picture, exposure, tone) if shown else np.asarray(picture, np.float32))
+
+
+def _radiance(picture: ArrayLike) -> NDArray[Any]:
+    """A picture, and nothing that only looks like one."""
+    pixels = np.asarray(picture)
+    if pixels.dtype.kind != "f":
+        eight = "; save_image of deltalux.io writes those of a display" if pixels.dtype == np.uint8 else ""
+        what = described(picture) if pixels.dtype.kind not in "iub" else f"an array of {pixels.dtype}"
+        raise TypeError(f"expected a picture, linear radiance in floats, got {what}{eight}")
+    if pixels.ndim == 2 and pixels.shape[1] == 3:
+        raise ValueError(f"expected a picture, got {pixels.shape}, as of a product B; transport.image(B) makes one")
+    return pixels

@@ -13,12 +13,18 @@ _Type = TypeVar("_Type", bound=type[Any])
 
 _LIGHTS = (".hdr", ".exr", ".pic", ".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp")
 _SCENES = (".glb", ".gltf", ".obj", ".ply", ".stl")
-_MANIFEST = "manifest.json"
+_DIRECTORIES = {
+    "curves.json": ("a transport of curves", "dl.CurveTransport.open(path)"),
+    "studio.json": ("a transport of a studio", "dl.StudioTransport.open(path)"),
+    "manifest.json": ("a transport", "dl.Transport(path)"),
+}
+"""What a directory is by its manifest, and what opens it."""
 
 # Where what is asked for comes from.
 _SOURCES = {
     "Environment": "dl.Environment.load(path) reads one, and dl.Environment.builtin(name) is sky, studio or hall",
     "Transport": "dl.Transport(path) opens one, and dl.precompute(scene, path) makes one",
+    "Camera": "dl.Camera(position, target) is one",
     "Scene": "dl.Scene.load(path) reads one, and dl.Scene.builtin(name) is one of the package's own",
 }
 
@@ -51,34 +57,59 @@ def instead_of(expected: str, value: Any) -> TypeError:
     return TypeError(f"expected {_article(expected)} {expected}, got {described(value)}; {_SOURCES[expected]}")
 
 
+def no_columns(value: Any) -> TypeError:
+    """The refusal of something that is no columns of light."""
+    meant = f"; did you mean dl.Haar({value})?" if type(value) is int else ""
+    return TypeError(f'expected columns such as dl.Haar(64) or "haar:64", got {described(value)}{meant}')
+
+
 def checked_path(value: Any, what: str = "a path") -> None:
     """Refuses what is no path."""
     if not isinstance(value, (str, os.PathLike)):
         raise TypeError(f"expected {what}, got {described(value)}")
+    if not os.fspath(value):
+        raise ValueError(f"expected {what}, got an empty one")
 
 
 def kind_of(path: str | os.PathLike[str]) -> str:
-    """Which of the three a file is, by what it looks like: "a transport", "a scene", "a light"; "" where none."""
+    """What a file is, by what it looks like: one of the transports, "a scene", "a light"; "" where none."""
     file = Path(path)
-    if (file / _MANIFEST).exists():
-        return "a transport"
+    for manifest, (kind, _) in _DIRECTORIES.items():
+        if (file / manifest).exists():
+            return kind
     suffix = file.suffix.lower()
     return "a light" if suffix in _LIGHTS else "a scene" if suffix in _SCENES else ""
 
 
-def refuse_kind(path: str | os.PathLike[str], wanted: str) -> None:
-    """Refuses a file that is there, and is another of the three than the one that is wanted."""
+def misplaced(path: str | os.PathLike[str], wanted: str) -> str:
+    """What to say of a file that is there, and is something else than what is wanted: of directories, what opens them;
+    "" where there is nothing to say."""
     kind = kind_of(path) if os.path.exists(path) else ""
-    if kind and kind != wanted:
-        raise ValueError(f"{os.fspath(path)}: expected {wanted}, but this is {kind}")
+    if kind in ("", wanted):
+        return ""
+    opens = "".join(f"; {how} opens it" for found, how in _DIRECTORIES.values() if found == kind)
+    return f"{os.fspath(path)}: expected {wanted}, but this is {kind}{opens}"
+
+
+def refuse_kind(path: str | os.PathLike[str], wanted: str) -> None:
+    """Refuses a file that is there, and is something else than what is wanted."""
+    if said := misplaced(path, wanted):
+        raise ValueError(said)
 
 
 def refuse_missing(path: str | os.PathLike[str]) -> None:
-    """Refuses a transport that is not there, and says how one is made."""
+    """Refuses a transport that is not there, and says how one is made, or that is no whole directory."""
     if not os.path.exists(path):
         name = os.fspath(path)
         how = f"`deltalux precompute SCENE -o {name}` or dl.precompute(scene, {str(name)!r}) makes one"
         raise FileNotFoundError(f"{name}: there is no such transport; {how}")
+    if os.path.isfile(path):
+        inside = f"; did you mean {str(Path(path).parent)!r}?" if Path(path).name in _DIRECTORIES else ""
+        raise NotADirectoryError(f"{os.fspath(path)}: expected the directory of a transport, got a file{inside}")
+    if not kind_of(path):
+        raise FileNotFoundError(
+            f"{os.fspath(path)}: expected a transport, but no manifest.json is in it: none is whole"
+        )
 
 
 def suggests_keywords(cls: _Type) -> _Type:

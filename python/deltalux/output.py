@@ -9,6 +9,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TextIO
 
+from .mistakes import kind_of
+
 try:
     import fcntl
 except ImportError:  # Windows
@@ -31,6 +33,8 @@ def check_folder(folder: str | os.PathLike[str], names: Iterable[str] = ()) -> P
         If the folder is a file, or may not be written.
     """
     path = Path(folder)
+    if kind_of(path).startswith("a transport"):
+        raise FileExistsError(f"{path} is {kind_of(path)}; give another folder")
     there = nearest(path)
     if not there.is_dir():
         raise NotADirectoryError(f"expected a folder to write into, but {there} is a file")

@@ -27,6 +27,9 @@ class Reporter:
         """What part of the work tells that comes after so much of all."""
         return lambda done: self(min(before + done, total), total)
 
+    def step(self, name: str) -> None:
+        """What is being done now."""
+
     def say(self, text: str) -> None:
         """A line of its own."""
 
@@ -37,18 +40,21 @@ class Reporter:
 def steps(progress: bool | Progress, what: str, count: int) -> Callable[[str], Reporter]:
     """Reporters for so many steps of one piece of work, each by its name: a bar shows them as one.
 
-    A callable is told of each step by itself, as if it were all.
+    A callable is told of each step by itself, as if it were all; the steps of a step share its part of the bar.
     """
-    if callable(progress):
+    if callable(progress) and not isinstance(progress, Reporter):
         return lambda _: _Callback(progress)
     if not progress:
         return lambda _: Reporter()
-    bar, names = _Bar(what, sys.stderr), iter(range(count))
-    return lambda name: _Step(bar, name, next(names, count - 1), count)
+    whole = progress if isinstance(progress, Reporter) else _Bar(what, sys.stderr)
+    numbers = iter(range(count))
+    return lambda name: _Step(whole, name, next(numbers, count - 1), count)
 
 
 def reporter(progress: bool | Progress, what: str, expected: float | None = None) -> Reporter:
     """The user's callback, a bar on standard error, or silence; a bar may be told how many seconds to expect."""
+    if isinstance(progress, Reporter):
+        return progress
     if callable(progress):
         return _Callback(progress)
     return _Bar(what, sys.stderr, expected) if progress else Reporter()
@@ -65,19 +71,23 @@ class _Callback(Reporter):
 
 
 class _Step(Reporter):
-    """One of several steps on a bar."""
+    """One of several steps of some work."""
 
-    def __init__(self, bar: _Bar, name: str, number: int, count: int) -> None:
-        self._bar, self._name, self._number, self._count = bar, name, number, count
+    def __init__(self, whole: Reporter, name: str, number: int, count: int) -> None:
+        self._whole, self._name, self._number, self._count = whole, name, number, count
+        self(0, 1)
 
     def __call__(self, done: int, total: int) -> None:
-        self._bar.step = self._name
-        # In thousandths, as steps are of different lengths.
+        self._whole.step(self._name)
+        # In millionths, as steps are of different lengths, and have steps of their own.
         share = min(done / total, 1.0) if total else 1.0
-        self._bar(round(1000 * (self._number + share)), 1000 * self._count)
+        self._whole(round(1e6 * (self._number + share)), 1_000_000 * self._count)
+
+    def step(self, name: str) -> None:
+        self._name = name
 
     def say(self, text: str) -> None:
-        self._bar.say(text)
+        self._whole.say(text)
 
 
 class _Bar(Reporter):
@@ -87,7 +97,7 @@ class _Bar(Reporter):
         self._what, self._stream, self._expected = what, stream, expected
         self._started = self._drawn = time.monotonic()
         self._open = False
-        self.step = ""
+        self._step = ""
 
     def __call__(self, done: int, total: int) -> None:
         now = time.monotonic()
@@ -101,7 +111,7 @@ class _Bar(Reporter):
         share = done / total if total else 1.0
         left = self._left(share, elapsed)
         bar = "#" * round(24 * share)
-        what = f"{self._what}, {self.step}" if self.step else self._what
+        what = f"{self._what}, {self._step}" if self._step else self._what
         text = f"{what} [{bar:<24}] {100 * share:3.0f} %  {elapsed:4.0f} s"
         text += f", {left:.0f} s left" if share < 1 else ", done"
         self._open = not last
@@ -109,6 +119,9 @@ class _Bar(Reporter):
         start = "\r" if self._stream.isatty() else ""
         self._stream.write(f"{start}{text:<78}{end}")
         self._stream.flush()
+
+    def step(self, name: str) -> None:
+        self._step = name
 
     def say(self, text: str) -> None:
         if time.monotonic() - self._started < 1.0:

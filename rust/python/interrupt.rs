@@ -186,12 +186,13 @@ pub(crate) fn abandonable<T: Send + 'static>(
 /// Raises
 /// ------
 /// ValueError
-///     If there are more.
+///     If there are more, or fewer than 0.
 #[pyfunction]
-fn set_threads(threads: usize) -> PyResult<()> {
-    if threads > 1024 {
+fn set_threads(threads: i64) -> PyResult<()> {
+    if !(0..=1024).contains(&threads) {
         return Err(PyValueError::new_err(format!("expected 0 to 1024 threads, got {threads}")));
     }
+    let threads = threads as usize;
     THREADS.store(threads, Ordering::Relaxed);
     // The next call makes a new pool; the old one is left to whoever is still using it, for ever. So one that has as many
     // threads stays.

@@ -128,16 +128,17 @@ def test_overscan_is_cut_and_frames_may_start_anywhere(tmp_path):
         load_image(path)
 
 
-def test_a_part_of_a_panorama_is_set_into_the_whole(tmp_path):
-    def xmp(**words):
-        inside = " ".join(f'GPano:{name}="{value}"' for name, value in words.items())
-        rdf = "http://www.w3.org/1999/02/22-rdf-syntax-ns#"
-        pano = "http://ns.google.com/photos/1.0/panorama/"
-        return (
-            f'<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF xmlns:rdf="{rdf}"><rdf:Description xmlns:GPano="{pano}" '
-            f"{inside}/></rdf:RDF></x:xmpmeta>"
-        ).encode()
+def xmp(**words):
+    """What a camera for panoramas writes of a picture."""
+    inside = " ".join(f'GPano:{name}="{value}"' for name, value in words.items())
+    rdf, pano = "http://www.w3.org/1999/02/22-rdf-syntax-ns#", "http://ns.google.com/photos/1.0/panorama/"
+    return (
+        f'<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF xmlns:rdf="{rdf}"><rdf:Description xmlns:GPano="{pano}" '
+        f"{inside}/></rdf:RDF></x:xmpmeta>"
+    ).encode()
 
+
+def test_a_part_of_a_panorama_is_set_into_the_whole(tmp_path):
     crop = {"FullPanoWidthPixels": 16, "FullPanoHeightPixels": 8, "CroppedAreaLeftPixels": 4}
     crop |= {"CroppedAreaTopPixels": 2, "ProjectionType": "equirectangular"}
     grey = Image.new("RGB", (8, 4), (188, 188, 188))
@@ -147,9 +148,32 @@ def test_a_part_of_a_panorama_is_set_into_the_whole(tmp_path):
     grey.save(tmp_path / "b.jpg", xmp=xmp(ProjectionType="cylindrical"))
     with pytest.raises(FileError, match="equirectangular"):
         load_image(tmp_path / "b.jpg")
-    grey.save(tmp_path / "c.jpg", xmp=xmp(**crop, PosePitchDegrees="3"))
-    with pytest.warns(UserWarning, match="horizon is not level"):
-        load_image(tmp_path / "c.jpg")
+
+
+@pytest.mark.parametrize(
+    "pitch, roll, lamp, direction",
+    [
+        # The middle is so far above the horizon, and stays there when the picture turns about it.
+        (30, 0, (15, 32), (0, 0.5, np.sqrt(0.75))),
+        (-30, 70, (15, 32), (0, -0.5, np.sqrt(0.75))),
+        # A quarter turn anticlockwise shows at the top what is right of the middle, which is -X.
+        (0, 90, (0, 32), (-1, 0, 0)),
+        (0, -90, (0, 32), (1, 0, 0)),
+        # Turned so, it is the axis that the middle is raised about.
+        (60, 90, (0, 32), (-1, 0, 0)),
+    ],
+)
+def test_a_panorama_s_horizon_is_level(tmp_path, pitch, roll, lamp, direction):
+    pixels = np.zeros((32, 64, 3), np.uint8)
+    row, column = lamp
+    pixels[row : row + 2, column - 1 : column + 1] = 255
+    pixels[0] = pixels[0, lamp[1]]
+    pose = {"PosePitchDegrees": pitch, "PoseRollDegrees": roll, "PoseHeadingDegrees": 77}
+    Image.fromarray(pixels).save(tmp_path / "a.jpg", quality=100, xmp=xmp(ProjectionType="equirectangular", **pose))
+    with pytest.warns(UserWarning, match="made for a display"):
+        env = Environment.load(tmp_path / "a.jpg")
+    assert env.radiance(direction).min() > 0.5
+    assert env.radiance(-np.array(direction)).max() < 0.01
 
 
 # --- meaning ---------------------------------------------------------------------------------------------------------

@@ -75,7 +75,14 @@ def test_notebooks_show_things(transport):
     assert repr(dl.Relighter(transport, dl.PerBand(terms=5))).startswith("<Relighter by PerBand")
 
 
+def test_reprs_are_short(transport):
+    scene, backdrop = dl.Scene.builtin("cornell"), dl.Backdrop(transport)
+    assert repr(scene).startswith("<Scene 'cornell', ") and len(repr(scene)) < 120
+    assert repr(backdrop).startswith("<Backdrop 'none' of <Transport")
+
+
 def test_lights_are_added_scaled_and_tinted():
+    assert sum([HALL, HALL]).name == "hall and hall"
     d = np.random.default_rng(2).normal(size=(40, 3))
     sky = dl.Environment.builtin("sky").rotated(30)
     np.testing.assert_allclose((sky * 2).radiance(d), 2 * sky.radiance(d), rtol=1e-6)
@@ -85,7 +92,7 @@ def test_lights_are_added_scaled_and_tinted():
         assert isinstance(tinted, dl.Environment)
     np.testing.assert_allclose((tint * sky).radiance(d), tint * sky.radiance(d), rtol=1e-5)
     for wrong in ((1, 2), "red", (1, 2, np.nan)):
-        with pytest.raises(ValueError, match="expected a factor or three|real numbers"):
+        with pytest.raises(ValueError, match="expected three finite factors|real numbers"):
             sky * wrong
     with pytest.raises(TypeError):
         sky + 1

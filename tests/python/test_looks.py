@@ -8,11 +8,14 @@ import deltalux as dl
 import numpy as np
 import oracles
 import pytest
+from deltalux.images.oiio import library
+from deltalux.io import auto_exposure
 from deltalux.relight.backdrop import Backdrop
 from deltalux.surface.cutout import Cutout
 from deltalux.surface.shading import corner_tangents, frame_turns, tangents_at
 from deltalux.surface.surface import Surface
 from deltalux.transport.gloss import Gloss
+from PIL import Image
 
 WHITE = dl.Environment.from_latlong(np.ones((8, 16, 3), np.float32))
 CAMERA = dl.Camera((0, 1, 6), (0, 1, 0), width=16, height=16)
@@ -237,10 +240,99 @@ def test_backgrounds(tmp_path):
     transport, _ = lit(dl.Scene.builtin("cornell").with_camera(CAMERA), tmp_path)
     B, bare = transport.multiply(transport.coefficients(WHITE)), transport.pixels.background[..., None]
     black = transport.image(B)
-    assert (Backdrop(transport).picture(B, WHITE) == transport.image(B, WHITE)).all()
-    assert (Backdrop(transport, "none").picture(B, WHITE) == black).all() and 0 < bare.mean() < 1
+    assert (Backdrop(transport, "env").picture(B, WHITE) == transport.image(B, WHITE)).all()
+    cut = Backdrop(transport).picture(B, WHITE)
+    assert (cut[..., :3] == black).all() and (cut[..., 3:] == 1 - bare).all() and 0 < bare.mean() < 1
+    # Of light that is no colour of ours, exposure is chosen.
+    assert Backdrop(transport, "#ffffff").exposure(B, WHITE) == auto_exposure(black)
     # sRGB 188 is 0.503, and is shown as that after a stop.
     found = Backdrop(transport, "#ff00bc").picture(B, WHITE, 1.0) - black
     np.testing.assert_allclose(found, bare * np.array([0.5, 0, 0.2515]), atol=1e-4)
     with pytest.raises(ValueError, match="expected a background of env, none or #rrggbb, got 'red'"):
         Backdrop(transport, "red")
+
+
+def on_a_ground():
+    """A box on a plane, seen from above its edge; the horizon is in the picture."""
+    box = dl.Scene.from_arrays(*oracles.box((-0.5, 0, -0.5), (0.5, 1, 0.5)), (0.6, 0.3, 0.2))
+    camera = dl.Camera((2, 1.5, 4), (0, 0.7, 0), vertical_fov=40, width=16, height=16)
+    return box.with_camera(camera).with_ground()
+
+
+@pytest.mark.parametrize("columns", ["haar:8", "haar:8+texels", "sh:9"])
+def test_a_catcher_shows_what_light_the_scene_keeps_from_its_ground(tmp_path, columns):
+    """The ground is lit as a transport without the box says, and so is the share of that in the other's."""
+    scene, sky = on_a_ground(), dl.Environment.builtin("sky")
+    transport, _ = lit(scene, tmp_path, sky, columns, tolerance=0)
+    V, pixels = transport.coefficients(sky), transport.pixels
+    B, luminance = transport.multiply(V), np.array([0.2126, 0.7152, 0.0722])
+    plane = replace(scene, triangles=scene.triangles[-2:], material=scene.material[-2:])
+    alone = dl.precompute(plane, tmp_path / "plane.transport", columns=columns, tolerance=0, progress=False)
+    open_light = np.median(alone.multiply(V), axis=0) @ luminance
+    ground = pixels.material == 1
+    kept = np.where(ground, 1 - (B @ luminance / open_light).clip(0, 1), 1)
+    alpha = np.bincount(pixels.pixel, pixels.weight * kept, 256).reshape(16, 16)
+    caught = Backdrop(transport, "none", catcher=True).picture(B, sky)
+    np.testing.assert_allclose(caught[..., 3], alpha, atol=0.01)
+    # In shadow, in the open, beyond the horizon, and on the box.
+    assert kept[ground].max() > 0.5 and kept[ground].min() < 0.02 and alpha[0].max() == 0 and alpha.max() == 1
+    # The ground has no colour, and what is behind is seen through its shadow.
+    on_box = (pixels.weight * ~ground)[:, None] * B * pixels.albedo
+    box = np.stack([np.bincount(pixels.pixel, own, 256) for own in on_box.T], -1).reshape(16, 16, 3)
+    np.testing.assert_allclose(caught[..., :3], box, atol=1e-5)
+    whole = Backdrop(transport, "env", catcher=True).picture(B, WHITE, V=V)
+    np.testing.assert_allclose(whole, caught[..., :3] + 1 - caught[..., 3:], atol=1e-5)
+
+
+def test_vertices_catch_shadows_and_other_cameras_do(tmp_path):
+    scene = on_a_ground()
+    vertices = dl.precompute(
+        scene, tmp_path / "v.transport", columns="haar:8", receivers="vertices", tolerance=0, progress=False
+    )
+    B = vertices.multiply(vertices.coefficients(WHITE))
+    alpha = Backdrop(vertices, "none", scene.camera, catcher=True).picture(B, WHITE)[..., 3]
+    # The plane's own four vertices are far from the box, whose shadow falls between them.
+    assert alpha[0].max() == 0 and alpha[-1].max() < 0.02 and alpha.max() == pytest.approx(1)
+    other = lit(scene, tmp_path)[0].for_camera(scene.camera.resized(8, 8), tmp_path / "o.transport", progress=False)
+    assert other.plan.ground == 1
+    Backdrop(other, catcher=True)
+
+
+def test_shadows_are_caught_by_a_level_ground_alone(tmp_path):
+    transport, _ = lit(dl.Scene.builtin("cornell").with_camera(CAMERA), tmp_path)
+    with pytest.raises(ValueError, match="expected a transport of a scene on a ground to catch shadows"):
+        Backdrop(transport, catcher=True)
+    slope = dl.Scene.from_arrays(
+        *oracles.quad((-1, 0, -1), (2, 1, 0), (0, 0, 2)), camera=CAMERA, materials={"ground": dl.Material()}
+    )
+    transport, _ = lit(slope, tmp_path)
+    with pytest.raises(ValueError, match="expected a level ground"):
+        Backdrop(transport, catcher=True).picture(transport.multiply(transport.coefficients(WHITE)), WHITE)
+
+
+def test_alpha_is_associated_in_exr_and_straight_in_png(tmp_path):
+    picture = np.zeros((2, 2, 4), np.float32)
+    picture[0, 0], picture[0, 1] = (0.25, 0.125, 0, 0.5), (0, 0, 0, 0.25)
+    dl.write(tmp_path / "a.exr", picture)
+    dl.write(tmp_path / "a.png", picture)
+    oiio = library()
+    exr, png = (oiio.ImageBuf(str(tmp_path / name)) for name in ("a.exr", "a.png"))
+    assert exr.spec().alpha_channel == png.spec().alpha_channel == 3
+    np.testing.assert_array_equal(exr.get_pixels(oiio.FLOAT), picture)
+    with Image.open(tmp_path / "a.png") as shown:
+        # sRGB of 0.5 is 188, of 0.25 is 137; alpha has no curve.
+        assert np.array(shown).tolist() == [[[188, 137, 0, 128], [0, 0, 0, 64]], [[0, 0, 0, 0], [0, 0, 0, 0]]]
+    with pytest.raises(ValueError, match=r"expected .exr or .png for a picture with alpha"):
+        dl.write(tmp_path / "a.hdr", picture)
+
+
+@pytest.mark.parametrize(
+    "asked, why",
+    [({"receivers": "vertices"}, "vertices face as the mesh does"), ({"normals": "flat"}, "not asked for")],
+)
+def test_pictures_of_normals_that_are_left_out_are_said(asked, why):
+    """Between vertices, where pictures of normals have their detail, vertices have no rows to show it."""
+    square = dl.Scene.from_arrays(*oracles.quad((-1, 0, -1), (2, 0, 0), (0, 0, 2)), camera=CAMERA)
+    bumpy = replace(square, reliefs=(np.full((2, 2, 3), (0, 0, 1), np.float32),), uv=np.zeros((4, 2), np.float32))
+    left_out = dl.plan(bumpy, columns="haar:4", quality="preview", **asked).left_out
+    assert [str(found) for found in left_out if found.what == "pictures of normals"] == [f"pictures of normals: {why}"]

@@ -51,6 +51,50 @@ CALLS = {
     "compare by name": (lambda t: dl.compare(t, HALL, "pbi"), r"\[PerBand\(terms=30\)\]"),
     "truncated swapped": (lambda t: t.truncated(0.1, "x"), "expected a path, got 0.1"),
     "for_camera swapped": (lambda t: t.for_camera("x", t.camera), "a dl.Camera, and then a path"),
+    "threads below 0": (lambda t: dl.set_threads(-1), "expected 0 to 1024 threads, got -1"),
+    "columns of a number": (lambda t: dl.plan(CORNELL, columns=32), r"got 32; did you mean dl.Haar\(32\)"),
+    "columns of a class": (lambda t: dl.plan(CORNELL, columns=dl.Haar), "got the class Haar"),
+    "columns of a kind": (lambda t: dl.plan(CORNELL, columns="harr:32"), 'did you mean "haar:32"'),
+    "columns without a kind": (lambda t: dl.plan(CORNELL, columns="32"), 'did you mean "haar:32"'),
+    "an approximation of a number": (lambda t: dl.Approximation(8, dl.Full()), r"did you mean dl.Haar\(8\)"),
+    "Haar of a name": (lambda t: dl.Haar(8).coefficients("hall"), "an Environment, got 'hall'"),
+    "harmonics of a name": (lambda t: dl.SphericalHarmonics(3).coefficients("hall"), "an Environment, got 'hall'"),
+    "Haar of a class": (lambda t: dl.Haar(dl.Haar), "a whole number of texels"),
+    "a scene seen by a place": (
+        lambda t: CORNELL.with_camera((0, 0, 1)),
+        r"a Camera, got a tuple; dl.Camera\(position",
+    ),
+    "a scene built for a place": (lambda t: dl.Scene.builtin("cornell", (0, 0, 1)), "a Camera, got a tuple"),
+    "load of no scene": (lambda t: dl.Scene.load(None), "the path of a scene, got None"),
+    "load of a scene's name": (lambda t: dl.Scene.load("cornell"), r"dl.Scene.builtin\('cornell'\) is a scene"),
+    "load of a light": (lambda t: dl.Scene.load(__file__[:-3] + ".hdr"), "expected one of .glb"),
+    "load of another program's": (lambda t: dl.Scene.load("a.blend"), "expected one of .glb"),
+    "a scene of a transport": (lambda t: dl.Scene.load(t._path), r"is a transport; dl.Transport\(path\) opens it"),
+    "a built-in scene": (lambda t: dl.Scene.builtin("cornel"), "did you mean 'cornell'"),
+    "builtin of a scene's path": (lambda t: dl.Scene.builtin("a.glb"), r"dl.Scene.load\(path\) reads"),
+    "corners from 1": (lambda t: dl.Scene.from_arrays(np.eye(3), [(1, 2, 3)]), "counted from 1"),
+    "one material": (
+        lambda t: dl.Scene.from_arrays(np.eye(3), [(0, 1, 2)], materials=dl.Material()),
+        r"\[material\] is a list",
+    ),
+    "a word for albedo": (lambda t: dl.Material(color=1), r"keywords of Material \(albedo"),
+    "a lamp added": (lambda t: HALL + dl.PointLight((0, 1, 0)), "an Environment, got a PointLight"),
+    "a factor of three": (lambda t: HALL.scaled((1, 2, 3)), "tinted takes three"),
+    "a tint of one": (lambda t: HALL.tinted(2), "three finite factors"),
+    "precompute into nothing": (lambda t: dl.precompute(CORNELL, ""), "got an empty one"),
+    "render swapped": (lambda t: t.render(np.ones((2, 3)), t.camera), "a Camera, got an array"),
+    "write of a frame": (lambda t: dl.write("a.png", dl.Relighter(t, dl.Full()).step(HALL)), "floats, got a Frame"),
+    "write of a product": (lambda t: dl.write("a.png", np.ones((t.shape[0], 3))), r"transport.image\(B\) makes one"),
+    "write of bytes": (lambda t: dl.write("a.png", np.ones((2, 2, 3), np.uint8)), "save_image of deltalux.io"),
+    "write into no folder": (lambda t: dl.write("no/a.png", np.ones((2, 2, 3))), "a directory to write a.png into"),
+    "an exposure by a word": (lambda t: dl.write("a.png", np.ones((2, 2, 3)), exposure="auto"), "number of stops"),
+    "a backdrop of a path": (lambda t: dl.Backdrop("a.transport"), "a Transport, got 'a.transport'"),
+    "a backdrop in floats": (lambda t: dl.Backdrop(t, (1, 1, 1)), r"env, none or #rrggbb, got \(1, 1, 1\)"),
+    "a backdrop under a name": (lambda t: dl.Backdrop(t).picture(np.ones((t.shape[0], 3)), "hall"), "got 'hall'"),
+    "a transport's manifest": (lambda t: dl.Transport(t._path / "manifest.json"), "did you mean '.*a.transport'"),
+    "a transport of a folder": (lambda t: dl.Transport(t._path.parent), "no manifest.json is in it"),
+    "a transport of a file": (lambda t: dl.Transport(__file__), "the directory of a transport, got a file"),
+    "curves of a transport": (lambda t: dl.CurveTransport.open(t._path), r"dl.Transport\(path\) opens it"),
     "write swapped": (lambda t: dl.write(np.ones((2, 2, 3)), "a.png"), "a path, and then a picture, got an array"),
 }
 
@@ -58,7 +102,7 @@ CALLS = {
 @pytest.mark.parametrize("name", CALLS)
 def test_wrong_calls_are_answered(transport, name):
     call, answer = CALLS[name]
-    with pytest.raises((TypeError, ValueError, FileNotFoundError), match=answer):
+    with pytest.raises((TypeError, ValueError, OSError), match=answer):
         call(transport)
 
 
@@ -80,6 +124,14 @@ LINES = {
     "precompute cornel -o {f}": "did you mean 'cornell'",
     "precompute cornell --quality publicaton -o {f}": "did you mean 'publication'",
     "report {t} --env hall --frames 1 -o {f}": "2 frames or more",
+    RELIGHT + "--env hall --milliseconds 0": "more than 0 milliseconds",
+    "precompute cornell -o {f} --env hall": "unrecognized arguments: --env hall (deltalux precompute --help",
+    "precompute cornell -o {light}": "the directory of a transport or nothing, found a file",
+    "precompute cornell -o {f} --columns haar64": 'did you mean "haar:64"',
+    "render {t} --env hall -o {f}/a.png": "a directory to write a.png into",
+    "render {t} --env hall --backgroud none -o {f}.png": "did you mean '--background'",
+    "report {t} --env hall -o {t}": "is a transport; give another folder",
+    "edit demo --terms 0 -o {f}": "at least 1 column a frame",
     "relit {t}": "did you mean 'relight'",
 }
 
@@ -100,3 +152,11 @@ def test_numbers_below_zero_and_capitals_are_understood(transport, tmp_path, cap
     assert main(relight.split()) == 0 and "-1.50 stops" in capsys.readouterr().out
     plan = "precompute cornell --plan --size 8x8 --columns haar:4 --quality preview --camera -1,0,3:-.5,0,0:40"
     assert main(plan.split()) == 0
+
+
+@pytest.mark.parametrize(("manifest", "opens"), [("curves", "CurveTransport.open"), ("studio", "StudioTransport.open")])
+def test_directories_say_what_opens_them(transport, tmp_path, manifest, opens):
+    (tmp_path / f"{manifest}.json").write_text("{}")
+    for call in (dl.Transport, dl.Scene.load, dl.Environment.load):
+        with pytest.raises(ValueError, match=f"this is a transport of .*; dl.{opens}"):
+            call(tmp_path)

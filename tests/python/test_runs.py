@@ -11,8 +11,9 @@ import pytest
 from deltalux.command.cli import main
 from deltalux.io import auto_exposure
 from deltalux.output import claim
+from deltalux.pages.plotting import INK, drawing, logarithmic
 from deltalux.pages.verdict import Verdict, summed, tied
-from deltalux.progress import steps
+from deltalux.progress import reporter, steps
 from PIL import Image
 
 SMALL = "--size 16x16 --columns haar:8 --quality preview"
@@ -95,6 +96,26 @@ def test_frames_go_into_a_video_with_a_tone(made, tmp_path, capsys):
     assert not (tmp_path / "g").exists()
 
 
+def test_scenes_are_cut_out_with_the_shadow_on_their_ground(tmp_path, capsys):
+    path, out = tmp_path / "t.transport", tmp_path / "f"
+    scene = dl.Scene.builtin("cornell").with_ground()
+    scene = scene.with_camera(scene.camera.resized(16, 16))
+    dl.precompute(scene, path, columns="haar:8", quality="preview", progress=False)
+    film = f"--frames 3 --rotate 90 --format both --video {tmp_path / 'a.webp'}"
+    assert main(f"relight {path} --env hall --background none --catcher {film} -o {out}".split()) == 0
+    assert main(f"render {path} --env hall --background none --catcher -o {tmp_path / 'a.png'}".split()) == 0
+    with Image.open(tmp_path / "a.png") as still, Image.open(out / "frame-0000.png") as frame:
+        np.testing.assert_array_equal(np.array(still)[..., 3], np.array(frame)[..., 3])
+    last = np.array(Image.open(out / "frame-0002.png"))
+    assert last.shape == (16, 16, 4) and len(np.unique(last[..., 3])) > 2
+    with Image.open(tmp_path / "a.webp") as video:
+        video.seek(2)
+        shown = np.array(video.convert("RGBA"))
+    # Lossy colours, and alpha as it is.
+    np.testing.assert_array_equal(shown[..., 3], last[..., 3])
+    assert main(f"relight {path} --env hall --catcher --frames 1 -o {tmp_path / 'g'}".split()) == 0
+
+
 def test_a_budget_in_time_says_how_often_it_was_kept(made, tmp_path, capsys):
     assert main(f"relight {made} --env hall --frames 4 --milliseconds 1e6 -o {tmp_path / 'f'}".split()) == 0
     assert "3 of 3 within 1e+06 ms" in capsys.readouterr().out
@@ -122,10 +143,46 @@ def test_steps_share_one_bar(capsys):
     assert shares == [(1, 2), (1, 2)]
     step_of = steps(True, "work", 2)
     first, second = step_of("errors"), step_of("pictures")
-    first._bar._started -= 20
-    first._bar._drawn -= 20
+    first._whole._started -= 20
+    first._whole._drawn -= 20
     first(1, 2)
-    first._bar._drawn -= 20
+    first._whole._drawn -= 20
     second(2, 2)
     lines = capsys.readouterr().err.splitlines()
-    assert "work, errors" in lines[0] and "25 %" in lines[0] and "work, pictures" in lines[1] and "100 %" in lines[1]
+    assert (
+        not shares[2:]
+        and "work, errors" in lines[0]
+        and "25 %" in lines[0]
+        and "work, pictures" in lines[1]
+        and "100 %" in lines[1]
+    )
+
+
+def test_steps_of_a_step_share_its_part_of_the_bar(capsys):
+    step_of = steps(True, "work", 2)
+    first = step_of("making")
+    bar = first._whole
+    steps(first, "unsaid", 4)("unseen")
+    assert reporter(first, "unsaid") is first
+    second = steps(step_of("showing"), "unsaid", 4)
+    second("pictures")
+    third = second("tables")
+    bar._started -= 20
+    bar._drawn -= 20
+    third(1, 2)
+    line = capsys.readouterr().err
+    # Half, and of the other half three of eight.
+    assert "work, tables" in line and f"{50 + 50 * 3 / 8:.0f} %" in line
+
+
+def test_plots_around_pictures_are_read_on_any_page(tmp_path):
+    with drawing(tmp_path / "a.png", 1, 1, (2, 2)) as (_, axes):
+        axes.imshow(np.zeros((4, 4)))
+        axes.set_title("title")
+    with drawing(tmp_path / "b.png", 1, 1, (2, 2)) as (_, lines):
+        lines.plot([1.0, 1e-3, 1e-15])
+        logarithmic(lines)
+    with Image.open(tmp_path / "a.png") as around, Image.open(tmp_path / "b.png") as alone:
+        assert around.convert("RGBA").getpixel((0, 0))[3] == 0 and alone.convert("RGBA").getpixel((0, 0)) == (255,) * 4
+    assert axes.title.get_color() == INK and lines.get_ylim()[0] == pytest.approx(1e-8)
+    assert len(lines.get_yticks()) > 2

@@ -11,6 +11,7 @@ import deltalux as dl
 import numpy as np
 import pytest
 from deltalux._core import FileError
+from deltalux.command.cli import main
 from deltalux.scene.polygons import triangulated
 from deltalux.surface.texture import bilinear, filtered
 from hypothesis import given, settings
@@ -161,7 +162,7 @@ def test_morph_weights_move_places_and_normals(tmp_path):
     np.testing.assert_allclose(scene.normals[4], np.array([1, 1, 0]) / np.sqrt(2), atol=1e-6)
 
 
-def test_cameras_and_scenes_are_chosen_by_name(tmp_path):
+def test_cameras_and_scenes_are_chosen_by_name(tmp_path, capsys):
     g = Gltf()
     g.add("cameras", type="perspective", perspective={"yfov": 1.0, "aspectRatio": 2.0, "znear": 0.1})
     square = g.mesh()
@@ -175,10 +176,18 @@ def test_cameras_and_scenes_are_chosen_by_name(tmp_path):
     np.testing.assert_allclose(top.basis()[2], [0, -1, 0], atol=1e-9)
     assert dl.Scene.load(tmp_path / "s.gltf", scene="Large").vertices.max() == 3
     assert dl.Scene.load(tmp_path / "s.gltf", scene=1).vertices.max() == 3
+    request = ["precompute", str(tmp_path / "s.gltf"), "--plan", "--size", "8x8", "--columns", "haar:4", "--scene"]
+    for name in ("Large", "1"):
+        assert main([*request, name]) == 0 and "scenes ignored" not in capsys.readouterr().out
     with pytest.raises(FileError, match=r"name of a camera \(Front, Top\), got 'Side'"):
         dl.Scene.load(tmp_path / "s.gltf", camera="Side")
-    with pytest.raises(FileError, match=r"name of a scene \(Large\), got 'Small'"):
+    with pytest.raises(FileError, match=r"name of a scene \(Large\) or a number below 2, got 'Small'"):
         dl.Scene.load(tmp_path / "s.gltf", scene="Small")
+    with pytest.raises(FileError, match=r"no scene 2: the file has 2"):
+        dl.Scene.load(tmp_path / "s.gltf", scene=2)
+    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    with pytest.raises(FileError, match="a .glb or a .gltf to choose a scene of"):
+        dl.Scene.load(tmp_path / "a.obj", scene=0)
 
 
 def test_extensions_are_matched_exactly_and_noted(tmp_path):

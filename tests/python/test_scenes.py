@@ -52,7 +52,7 @@ def test_camera_sees_the_scene(scene):
 def test_another_camera_and_another_name():
     camera = Camera((0, 1, 3), (0, 1, 0))
     assert Scene.builtin("cornell", camera).camera == camera
-    with pytest.raises(ValueError, match="expected one of plant, cornell, still-life, street"):
+    with pytest.raises(ValueError, match="expected a built-in scene of plant, cornell, still-life, street"):
         Scene.builtin("plants")
 
 

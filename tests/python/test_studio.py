@@ -341,9 +341,9 @@ def test_runs_resume_and_files_are_opened(coarse, tmp_path):
         np.testing.assert_array_equal(lit(own, SPOT).step().values, lit(coarse, SPOT).step().values)
     with pytest.raises(dl.FileError, match="expected a transport of a studio, got none"):
         dl.StudioTransport.open(tmp_path)
-    with pytest.raises(dl.FileError, match="got a transport of light"):
+    with pytest.raises(dl.FileError, match="this is a transport; dl.Transport"):
         dl.StudioTransport.open(next(path.glob("part-*")))
-    with pytest.raises(dl.FileError, match="expected a transport of curves, got a studio"):
+    with pytest.raises(dl.FileError, match="expected a transport of curves, but this is a transport of a studio"):
         dl.CurveTransport.open(path)
     about = json.loads((path / "studio.json").read_text())
     for change in ({"version": 9}, {"passes": -1}, {"parts": [{}]}):

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from .._core import column_bands, haar_without_texels
 from ..checks import count
+from ..mistakes import instead_of
 from .bands import bands_and_areas
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ class Haar:
     def __post_init__(self) -> None:
         try:
             object.__setattr__(self, "size", operator.index(self.size))
-        except TypeError:
+        except (TypeError, AttributeError):
             raise ValueError(f"a Haar cubemap face must be a whole number of texels wide, got {self.size!r}") from None
         if self.size < 1:
             raise ValueError(f"a Haar cubemap face must be at least 1 texel wide, got {self.size}")
@@ -118,9 +119,13 @@ class Haar:
 
         Raises
         ------
+        TypeError
+            If it is no environment.
         ValueError
             If the number of peaks is negative, or there are no texels to send peaks through.
         """
+        if not hasattr(env, "_haar"):
+            raise instead_of("Environment", env)
         if not self.texels:
             if peaks is not None:
                 raise ValueError(f"expected columns with texels to send peaks through, got {self}")

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._core import column_bands, harmonic_projection, harmonic_rotation, harmonic_values, harmonic_window
 from ..checks import read_only
+from ..mistakes import instead_of
 from ..rotation import rotation_matrix, unit_directions
 
 if TYPE_CHECKING:
@@ -100,7 +101,14 @@ class SphericalHarmonics:
         -------
         (columns, 3) float64
             The integral over the sphere of radiance times each function.
+
+        Raises
+        ------
+        TypeError
+            If it is no environment.
         """
+        if not hasattr(env, "_harmonics"):
+            raise instead_of("Environment", env)
         return env._harmonics(self.order)
 
     def project(self, cubemap: ArrayLike) -> NDArray[np.float64]:

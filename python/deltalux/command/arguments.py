@@ -37,15 +37,24 @@ class Parser(argparse.ArgumentParser):
         self._negative_number_matcher = re.compile(r"-[\d.]")
 
     def error(self, message: str) -> NoReturn:
-        unknown = re.search(r"unrecognized arguments: (--[\w-]+)", message)
-        meant = near(unknown[1], self.options()) if unknown else ""
+        unknown = re.search(r"unrecognized arguments: --([\w-]+)", message)
+        # Dashes, which all have, make none alike.
+        names = [name[2:] for name in self.options() if name.startswith("--")]
+        meant = near(unknown[1], names).replace("'", "'--", 1) if unknown else ""
         raise ValueError(f"{message}{meant} ({self.prog} --help says more)")
 
+    def parse_known_args(  # pyright: ignore[reportIncompatibleMethodOverride]
+        self, args: Any = None, namespace: Any = None
+    ) -> tuple[Any, list[str]]:
+        """As argparse has it, but that each command answers itself for what it does not know."""
+        known, unknown = super().parse_known_args(args, namespace)
+        if unknown:
+            self.error(f"unrecognized arguments: {' '.join(unknown)}")
+        return known, unknown
+
     def options(self) -> list[str]:
-        """The names of all options, those of its commands included."""
-        commands = [action for action in self._actions if isinstance(action, argparse._SubParsersAction)]
-        own = [name for action in self._actions for name in action.option_strings]
-        return own + [name for action in commands for command in action.choices.values() for name in command.options()]
+        """The names of its options."""
+        return [name for action in self._actions for name in action.option_strings]
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
@@ -104,14 +113,15 @@ def motion_of(chosen: argparse.Namespace) -> Motion:
 
 
 def add_background(command: argparse.ArgumentParser) -> None:
-    """The argument of what pictures show behind the scene."""
+    """The arguments of what pictures show behind the scene, and through its ground."""
     command.add_argument(
         "--background",
         type=read_background,
         default="env",
         metavar="env|none|#rrggbb",
-        help="behind the scene; default: %(default)s",
+        help="behind the scene, none: files with alpha; default: %(default)s",
     )
+    command.add_argument("--catcher", action="store_true", help="of the ground show only the shadow on it")
 
 
 def read_background(text: str) -> str:
@@ -124,7 +134,7 @@ def read_background(text: str) -> str:
 
 def read_size(text: str) -> tuple[int, int]:
     """A size in pixels, such as 512x512."""
-    width, by, height = text.partition("x")
+    width, by, height = text.lower().partition("x")
     if not (by and width.isdecimal() and height.isdecimal()):
         raise argparse.ArgumentTypeError(f"expected a size like 512x512, got {text!r}")
     return int(width), int(height)
@@ -136,6 +146,17 @@ def read_threads(text: str) -> int:
     if not text.isdecimal() or int(text) > most:
         raise argparse.ArgumentTypeError(f"expected 0 to {most} threads, on {os.cpu_count()} processors, got {text!r}")
     return int(text)
+
+
+def read_milliseconds(text: str) -> float:
+    """A budget in time."""
+    try:
+        budget = float(text)
+    except ValueError:
+        budget = 0.0
+    if not 0.0 < budget < math.inf:
+        raise argparse.ArgumentTypeError(f"expected more than 0 milliseconds a frame, got {text!r}")
+    return budget
 
 
 def read_terms(text: str) -> int:
@@ -220,10 +241,11 @@ def scene_of(chosen: argparse.Namespace) -> Scene:
         camera = Camera(position, target, vertical_fov=fov)
     if chosen.size is not None and isinstance(camera, Camera):
         camera = camera.resized(*chosen.size)
+    up, within = getattr(chosen, "up", "y"), getattr(chosen, "within", None)
     if name not in SCENES:
-        scene = Scene.load(name, camera, up=getattr(chosen, "up", "y"))
-    elif isinstance(camera, str) or getattr(chosen, "up", "y") != "y":
-        raise ValueError(f"expected --up and the name of a camera with a file only, got {name}")
+        scene = Scene.load(name, camera, up=up, scene=within)
+    elif isinstance(camera, str) or up != "y" or within is not None:
+        raise ValueError(f"expected --up, --scene and the name of a camera with a file only, got {name}")
     else:
         scene = Scene.builtin(name, camera)
     scene = scene.with_ground() if getattr(chosen, "ground", False) else scene

@@ -14,7 +14,7 @@ from ..output import nearest
 from ..precomputation.preparation import Request
 from ..precomputation.room import check_room
 from ..precomputation.run import Precomputation
-from ..progress import Progress
+from ..progress import Progress, steps
 from ..report import check_report, report
 from ..scene.scene import Scene
 from .arguments import add_command, read_size, say
@@ -83,6 +83,8 @@ def demo(
     check_room(request.plan, nearest(path) / _TRANSPORT)
     say(request.plan)
     path.mkdir(parents=True, exist_ok=True)
-    transport = request.run(path / _TRANSPORT, progress)
+    step_of = steps(progress, "demo", 2)
+    transport = request.run(path / _TRANSPORT, step_of("transport"))
+    page = report(transport, envs, path, frames=frames, hold=hold, progress=step_of("report"))
     say(transport)
-    return report(transport, envs, path, frames=frames, hold=hold, progress=progress)
+    return page

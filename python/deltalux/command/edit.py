@@ -17,7 +17,7 @@ from ..transport.curves import CurveTransport
 from ..transport.studio import FOLDER as STUDIO
 from ..transport.studio import StudioTransport
 from ..update.methods import Incremental
-from .arguments import add_command, add_light, environment_of, read_size, say
+from .arguments import add_command, add_light, environment_of, read_size, read_terms, say
 
 _DEMO = "demo"
 _FOLDER, _LIGHT, _SIZE, _TERMS = "deltalux-edit", "hall", (144, 108), 30
@@ -38,7 +38,7 @@ def add(commands: Any) -> None:
         help="edits as JSON (deltalux.edit.session; of a studio: deltalux.edit.studio_session)",
     )
     command.add_argument(
-        "--terms", type=int, help=f"columns a frame and material; default: {_TERMS}, in a studio all of them"
+        "--terms", type=read_terms, help=f"columns a frame and material; default: {_TERMS}, in a studio all of them"
     )
     add_light(command, default=f"{_LIGHT}, of the {_DEMO}")
     command.add_argument("--size", type=read_size, metavar="WxH", help=f"of the {_DEMO}; default: 144x108")

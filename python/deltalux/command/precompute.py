@@ -37,9 +37,14 @@ def add(commands: Any) -> None:
         help="position, target, degrees; or a camera of the file",
     )
     command.add_argument(
+        "--scene", dest="within", metavar="NAME", help="of a glTF file with several: its name or number"
+    )
+    command.add_argument(
         "--up", choices=("y", "z"), default="y", help="axis that points upwards in the file; default: %(default)s"
     )
-    command.add_argument("--ground", action="store_true", help="a grey plane under the scene")
+    command.add_argument(
+        "--ground", action="store_true", help="a grey plane under the scene, which may catch its shadow (--catcher)"
+    )
     command.add_argument("--quality", choices=QUALITIES, default="publication", help="default: %(default)s")
     command.add_argument("--tolerance", type=float, help="relative error of the image from truncation, such as 0.01")
     command.add_argument(

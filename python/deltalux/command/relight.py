@@ -25,6 +25,7 @@ from .arguments import (
     motion_of,
     read_exposure,
     read_exposure_or_lock,
+    read_milliseconds,
     read_terms,
     say,
 )
@@ -56,7 +57,7 @@ def add(commands: Any) -> None:
     )
     budget = command.add_mutually_exclusive_group()
     budget.add_argument("--terms", type=read_terms, help="columns a frame; default: 30")
-    budget.add_argument("--milliseconds", type=float, metavar="MS", help="time a frame, instead of --terms")
+    budget.add_argument("--milliseconds", type=read_milliseconds, metavar="MS", help="time a frame, instead of --terms")
     budget.add_argument("--error", type=float, metavar="RADIANCE", help="bound on the error, instead of --terms")
     command.add_argument("--weight", choices=WEIGHTS, help="what a change is worth; default: the method's own, area")
     exposure = "of the PNGs; lock: that of the last run beside this one; default: chosen by the light"
@@ -88,6 +89,7 @@ def _relight(chosen: argparse.Namespace) -> None:
         "half": chosen.half,
         "tone": chosen.tone,
         "background": chosen.background,
+        "catcher": chosen.catcher,
     }
     with video(chosen.video) if chosen.video is not None else nullcontext() as reel:
         relit = relight_frames(transport, film, chosen.output, method, reel=reel, **options)

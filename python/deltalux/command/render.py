@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..camera import Camera
-from ..io import TONES, auto_exposure, save_image, to_display
+from ..io import TONES, save_image, to_display
 from ..relight.backdrop import Backdrop
 from ..transport.transport import Transport
 from .arguments import (
@@ -58,14 +58,12 @@ def _render(chosen: argparse.Namespace) -> None:
     transport = Transport.open(chosen.transport)
     env = environment_of(chosen.env or "hall", chosen).rotated(chosen.rotate)
     B = transport.multiply(transport.coefficients(env))
-    own = chosen.camera is None and chosen.size is None
-    backdrop = Backdrop(transport, chosen.background, None if own else _camera(transport, chosen))
-    picture = backdrop.picture(B, env)
+    view = None if chosen.camera is None and chosen.size is None else _camera(transport, chosen)
+    backdrop = Backdrop(transport, chosen.background, view, catcher=chosen.catcher)
     about = {"software": "deltalux", "deltalux:environment": env.name}
-    exposure = auto_exposure(picture) if chosen.exposure is None else chosen.exposure
-    if chosen.background.startswith("#") and not exr:
-        # The colour is what displays show, whatever the exposure.
-        picture = backdrop.picture(B, env, exposure)
+    exposure = 0.0 if exr else chosen.exposure
+    exposure = backdrop.exposure(B, env) if exposure is None else exposure
+    picture = backdrop.picture(B, env, exposure)
     save_image(path, picture if exr else to_display(picture, exposure, chosen.tone), about, half=chosen.half)
     say(f"{path}: {picture.shape[1]} x {picture.shape[0]} pixels" + ("" if exr else f", {exposure:+.2f} stops"))
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import argparse
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from ..columns import Haar, parse
 from ..output import check_folder
 from ..precomputation.run import precompute
+from ..progress import Reporter, steps
 from ..scene.builtin.catalogue import SCENES
 from ..scene.scene import Scene
 from ..studies import STUDIES, check_study, study
@@ -66,8 +68,12 @@ def _study(chosen: argparse.Namespace) -> None:
     check_folder(folder)
     traced = STUDIES[name].traces
     scenes = [_study_scene(scene, chosen) for scene in chosen.scene or [traced]] if traced else []
-    transports = [] if traced else [_study_transport(scene, chosen, folder) for scene in chosen.scene]
-    page = study(name, folder, envs, transports, scene=scenes, motion=motion, columns=columns, methods=own)
+    step_of = steps(True, name, 1 + (0 if traced else len(chosen.scene)))
+    transports = [] if traced else [_study_transport(scene, chosen, folder, step_of) for scene in chosen.scene]
+    tell = step_of("study")
+    page = study(
+        name, folder, envs, transports, scene=scenes, motion=motion, columns=columns, methods=own, progress=tell
+    )
     say(f"{page.parent.absolute()} holds the study; open {page.absolute()} in a browser")
 
 
@@ -79,11 +85,14 @@ def _study_scene(name: str, chosen: argparse.Namespace) -> Scene:
     return scene_of(chosen)
 
 
-def _study_transport(name: str, chosen: argparse.Namespace, folder: Path) -> Transport:
+def _study_transport(
+    name: str, chosen: argparse.Namespace, folder: Path, step_of: Callable[[str], Reporter]
+) -> Transport:
     """A transport as it is; a scene traced with one ray a texel, truncated to one percent."""
+    tell = step_of(Path(name).stem)
     if name not in SCENES and os.path.isdir(name):
         return Transport.open(name)
     chosen.scene, chosen.camera = name, None
     path = folder / f"{Path(name).stem}.transport"
     folder.mkdir(parents=True, exist_ok=True)
-    return precompute(scene_of(chosen), path, columns=chosen.columns, quality="preview", tolerance=0.01)
+    return precompute(scene_of(chosen), path, columns=chosen.columns, quality="preview", tolerance=0.01, progress=tell)

@@ -17,7 +17,8 @@ ATTRIBUTES = {
     "window, black around it; what lies beyond it is cut. Elsewhere a place on a printed page: passed over",
     "GPano:FullPanoWidthPixels": "applied with its fellows, as a window: a part of a panorama is set into the whole",
     "GPano:ProjectionType": "refused where it is not equirectangular",
-    "GPano:PosePitchDegrees": "not applied, with a warning where it is not zero (likewise GPano:PoseRollDegrees)",
+    "GPano:PosePitchDegrees": "applied with GPano:PoseRollDegrees: the light is turned until its horizon is level",
+    "GPano:PoseHeadingDegrees": "without effect: the middle of a picture is at +Z, whatever its compass says",
     "textureformat": "applied: latlong or cube (the EXR attribute envmap)",
     "PixelAspectRatio": "without effect: an environment spans the sphere, whatever the shape of its pixels (PIXASPECT)",
     "worldtocamera": "without effect: a light is turned by rotated()",
@@ -83,8 +84,7 @@ def window(spec: Any, file_format: str) -> tuple[int, int, int, int]:
     return place
 
 
-def tilt(spec: Any) -> str:
-    """What a panorama says of its horizon; "" where that is level."""
-    names = ("GPano:PosePitchDegrees", "GPano:PoseRollDegrees")
-    tilted = {name: float(spec.get_float_attribute(name, 0.0)) for name in names}
-    return ", ".join(f"{name}={value:g}" for name, value in tilted.items() if value)
+def pose(spec: Any) -> tuple[float, float]:
+    """Degrees of a panorama: its centre above the horizon, and what the horizon in it is turned by, anticlockwise."""
+    pitch, roll = (float(spec.get_float_attribute(f"GPano:Pose{name}Degrees", 0.0)) for name in ("Pitch", "Roll"))
+    return pitch, roll

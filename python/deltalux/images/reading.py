@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import warnings
 from typing import Any
 
 import numpy as np
@@ -103,10 +102,7 @@ def _read(image: Any, name: str, layer: str | None) -> tuple[Image, dict[str, An
     turned = attributes.orientation(spec)
     if turned != 1:
         pixels, notes = _upright(pixels, turned), [*notes, f"turned upright (orientation {turned})"]
-    tilted = attributes.tilt(spec)
-    if tilted:
-        warnings.warn(f"{name}: the horizon is not level ({tilted}); turn the light by rotated()", stacklevel=5)
-    metadata: dict[str, Any] = {"format": number, "channels": names, "notes": notes}
+    metadata: dict[str, Any] = {"format": number, "channels": names, "notes": notes, "pose": attributes.pose(spec)}
     kind = attributes.envmap(spec)
     return np.ascontiguousarray(pixels), metadata if kind is None else {**metadata, "envmap": kind}
 

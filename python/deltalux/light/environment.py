@@ -27,7 +27,7 @@ from .._core import (
 from ..checks import Vector, as_vector, count, one_of, real_array
 from ..images.png import encoded
 from ..io import auto_exposure, load_image, to_display
-from ..mistakes import checked_path, instead_of, kind_of, near, refuse_kind
+from ..mistakes import checked_path, described, instead_of, kind_of, near, refuse_kind
 from ..rotation import IDENTITY, Matrix, as_matrix, rotation_matrix, unit_directions
 from . import layouts, skies
 from .pixels import floats, repaired
@@ -139,8 +139,12 @@ class Environment:
 
     def __add__(self, other: Environment) -> Environment:
         if not isinstance(other, Environment):
-            return NotImplemented
+            raise instead_of("Environment", other)
         return self._of((*self._layers, *other._layers), f"{self.name} and {other.name}")
+
+    def __radd__(self, nothing: int) -> Environment:
+        """What `sum` begins with adds nothing."""
+        return self if nothing == 0 else NotImplemented
 
     @classmethod
     def load(
@@ -204,9 +208,12 @@ class Environment:
         try:
             pixels, kind = layouts.recognise(image, envmap) if layout is None else (image, layout)
             pixels = layouts.convert(repaired(pixels, repair, halves="half" in metadata["format"]), kind, envmap)
-            return cls._from_pixels(pixels, os.path.basename(os.fspath(path)), rows)
+            env = cls._from_pixels(pixels, os.path.basename(os.fspath(path)), rows)
         except ValueError as error:
             raise ValueError(f"{os.fspath(path)}: {error}") from None
+        # The middle of a picture is at +Z and its right at -X: first about the middle, and then that is raised.
+        pitch, roll = metadata.get("pose", (0.0, 0.0))
+        return env.rotated(roll, "z").rotated(-pitch, "x") if pitch or roll else env
 
     @classmethod
     def builtin(cls, name: str) -> Environment:
@@ -373,8 +380,9 @@ class Environment:
         ValueError
             If the factor is not finite.
         """
-        if not math.isfinite(factor):
-            raise ValueError(f"expected a finite factor, got {factor}")
+        if not (isinstance(factor, Real) and math.isfinite(factor)):
+            what = f"expected a finite factor, got {described(factor)}"
+            raise ValueError(what + "" if isinstance(factor, Real) else f"{what}; tinted takes three")
         return self._of([(weight * factor, light, turn) for weight, light, turn in self._layers], self.name)
 
     def tinted(self, colour: ArrayLike) -> Environment:
@@ -397,7 +405,7 @@ class Environment:
         """
         tint = real_array("colour", colour, np.float32)
         if tint.shape != (3,) or not np.isfinite(tint).all():
-            raise ValueError(f"expected a factor or three, for red, green and blue, got {colour!r}")
+            raise ValueError(f"expected three finite factors, of red, green and blue, got {colour!r}")
         tinted = {id(light): _map(light.pixels()[0] * tint, light.pixels()[1]) for _, light, _ in self._layers}
         return self._of([(weight, tinted[id(light)], turn) for weight, light, turn in self._layers], self.name)
 

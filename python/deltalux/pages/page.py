@@ -23,7 +23,7 @@ h3 { font-size: 1.02rem; margin: 1.8rem 0 0.4rem; }
 p { max-width: 46rem; overflow-wrap: anywhere; }
 a { color: var(--link); }
 figure { margin: 1rem 0 1.6rem; }
-figure img { display: block; max-width: 100%; height: auto; background: #fff; border: 1px solid var(--line);
+figure img { display: block; max-width: 100%; height: auto; border: 1px solid var(--line);
              border-radius: 6px; }
 figcaption { color: var(--soft); font-size: 0.9rem; margin-top: 0.45rem; max-width: 46rem; }
 .scroll { overflow-x: auto; border: 1px solid var(--line); border-radius: 6px; background: var(--card);
@@ -38,6 +38,7 @@ tr + tr td { border-top: 1px solid var(--line); }
 .open { color: var(--soft); font-weight: 600; }
 td.holds, td.fails, td.open { white-space: nowrap; }
 .gallery { display: grid; grid-template-columns: repeat(auto-fill, minmax(11rem, 1fr)); gap: 0.8rem; }
+.plot img { background: #fff; }
 @media (prefers-color-scheme: dark) { .plot img { filter: invert(0.88) hue-rotate(180deg); } }
 @media (max-width: 30rem) {
   body { padding: 0.8rem 0.7rem 3rem; font-size: 15px; } h1 { font-size: 1.4rem; }

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FAMILIES",
+    "INK",
     "MARKERS",
     "across",
     "colour_of",
@@ -27,6 +28,7 @@ __all__ = [
     "logarithmic",
     "mark_stop",
     "percent",
+    "with_pictures",
 ]
 
 # Okabe and Ito's colours, which colour-blind readers tell apart; shades run with the budget.
@@ -52,13 +54,20 @@ _STYLE: Any = {
     "figure.dpi": 110,
     "savefig.facecolor": "white",
 }
+_NOTHING = 1e-8
+"""Of the largest value of a logarithmic axis."""
+INK = "#767b82"
+"""What is written around pictures, with nothing behind it: read on white and on black alike, about 4 to 1."""
 
 
 @contextmanager
 def drawing(
     path: Path, rows: int, columns: int, size: tuple[float, float], **options: Any
 ) -> Iterator[tuple[Figure, Any]]:
-    """A figure that is saved at the end; it needs no display and leaves the caller's matplotlib as it is."""
+    """A figure that is saved at the end; it needs no display and leaves the caller's matplotlib as it is.
+
+    Black on white, which a page turns over in the dark; around pictures, whose colours stay, readable on either.
+    """
     import matplotlib
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -67,7 +76,29 @@ def drawing(
         figure = Figure(figsize=size, layout="constrained")
         FigureCanvasAgg(figure)
         yield figure, figure.subplots(rows, columns, **options)
-        figure.savefig(path, dpi=110)
+        shown = with_pictures(figure)
+        if shown:
+            _write_grey(figure)
+        figure.savefig(path, dpi=110, facecolor="none" if shown else "white")
+
+
+def with_pictures(figure: Figure) -> bool:
+    """Whether a figure shows pictures, besides lines or alone."""
+    return any(axes.images for axes in figure.axes)
+
+
+def _write_grey(figure: Figure) -> None:
+    """All that is black around pictures in the ink for either background."""
+    from matplotlib.colors import same_color
+    from matplotlib.text import Text
+
+    for axes in figure.axes:
+        axes.tick_params(color=INK, labelcolor=INK)
+        for spine in axes.spines.values():
+            spine.set_edgecolor(INK)
+    for text in figure.findobj(Text):
+        if isinstance(text, Text) and same_color(text.get_color(), "black"):
+            text.set_color(INK)
 
 
 def logarithmic(axes: Axes, which: str = "y") -> None:
@@ -76,8 +107,12 @@ def logarithmic(axes: Axes, which: str = "y") -> None:
         # Lines across the whole plot, such as the mark of the stop, are no data.
         own = [line for line in axes.lines if line.get_transform() == axes.transData]
         data = [np.asarray(getattr(line, f"get_{name}data")(), float) for line in own]
-        if any(np.any(values > 0) for values in data):
+        positive = np.concatenate([values[values > 0] for values in data]) if data else np.zeros(0)
+        if positive.size:
             axes.set(**{f"{name}scale": "log"})
+            # What falls to nothing leaves the plot, before marks are too many to be drawn.
+            if positive.min() < _NOTHING * positive.max():
+                axes.set(**{f"{name}lim": (_NOTHING * positive.max(), None)})
             percent(getattr(axes, f"{name}axis"))
 
 
@@ -85,7 +120,10 @@ def percent(axis: Any) -> None:
     """Plain numbers on an axis that is logarithmic."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-    axis.set_major_locator(LogLocator(10, subs=(1, 2, 5)))
+    low, high = axis.get_view_interval()
+    few = high <= 1e4 * max(low, 1e-300)
+    # Or the locator, short of room for marks between powers of ten, draws none at all.
+    axis.set_major_locator(LogLocator(10, subs=(1, 2, 5) if few else (1,), numticks=99))
     axis.set_major_formatter(
         FuncFormatter(lambda value, _: np.format_float_positional(value, 6, trim="-", fractional=False))
     )

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 from .._core import threads as used_threads
 from ..columns import parse
+from ..scene.scene import GROUND
 from ..transport.entry import GROUP, TILE_ROWS, TILES_PER_SHARD, entry_bytes
 from ..transport.plan import Cost, LeftOut, Part, Plan
 from .preparation import BUNDLE, QUANTUM, Prepared, Survey, surveyed_bundles
@@ -92,6 +93,7 @@ def make_plan(prepared: Prepared) -> Plan:
         left_out=_left_out(prepared, probe, part),
         errors=probe.survey.errors,
         without=probe.survey.without,
+        ground=scene.names.index(GROUND) if GROUND in scene.names else None,
         notes=[
             *(f"{count:,} {what}" for what, count in _found(prepared).items() if count),
             *_factors(prepared),

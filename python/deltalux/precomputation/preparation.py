@@ -13,7 +13,8 @@ import numpy as np
 from .._core import DirectPass, Emitters, Looked, Receivers
 from ..brdf import Measured
 from ..checks import count
-from ..columns import Columns, Haar, parse
+from ..columns import Columns, Haar
+from ..columns.parse import checked
 from ..mistakes import near
 from ..scene.scene import Scene
 from ..surface.material import Lobe, encoded
@@ -109,7 +110,7 @@ class Prepared:
 
     def __init__(self, scene: Scene, request: Request, known: KnownNodes | None = None) -> None:
         columns = request.columns
-        self.columns = parse(columns) if isinstance(columns, str) else columns
+        self.columns = checked(columns)
         self.quality, self.settings = request.quality, _settings(request.quality, request.tolerance)
         check_request(scene)
         _check_materials(scene)

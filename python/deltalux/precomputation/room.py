@@ -31,6 +31,8 @@ def check_request(scene: Scene) -> None:
 def check_folder_of(path: Path) -> Path:
     """The directory that a transport will lie in; it must exist, and be one that may be written to."""
     folder = path.absolute().parent
+    if path.is_file():
+        raise FileExistsError(f"{path}: expected the directory of a transport or nothing, found a file")
     if not folder.is_dir():
         raise FileNotFoundError(f"expected a directory to write {path.name} into, but {folder} does not exist")
     if not os.access(folder, os.W_OK):

@@ -246,6 +246,7 @@ class Precomputation:
         writer = TransportWriter(path, self._job)
         run = _Run(self._prepared, writer, reporter(progress, self._prepared.scene.name, self.plan.seconds))
         for part in self.plan.parts:
+            run.tell.step(part.name)
             _PASSES[part.make](run, part)
         run.finish(replace(self.plan, job=self._digest))
         transport = Transport.open(path)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ..camera import Camera
 from ..progress import Progress
-from ..scene.scene import Scene
+from ..scene.scene import GROUND, Scene
 from ..transport.makers import maker
 from ..transport.transport import Transport
 from .between import KnownNodes
@@ -29,7 +29,9 @@ def for_camera(
         raise ValueError(f"expected a transport of pixels for another camera, but its rows are {kind}; `render` them")
     check_folder_of(Path(path))
     plan = transport.plan
-    scene = Scene(**vars(transport.surface), camera=camera, name=plan.scene)
+    # A file keeps the name of one material alone.
+    names = () if plan.ground is None else ("",) * plan.ground + (GROUND,)
+    scene = Scene(**{**vars(transport.surface), "names": names}, camera=camera, name=plan.scene)
     gloss = all(left_out.what != GLOSS for left_out in plan.left_out)
     request = Request(str(transport.columns), plan.quality, plan.tolerance, gloss=gloss)
     known = KnownNodes(transport) if transport.nodes else None

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._core import threads
-from ..io import auto_exposure, save_image, to_display
+from ..io import save_image, to_display
 from ..light.environment import Environment
 from ..output import Table, check_folder, claim
 from ..progress import Progress, reporter
@@ -98,6 +98,7 @@ def relight_frames(
     kind: str = "png",
     half: bool = False,
     background: str = "env",
+    catcher: bool = False,
     tone: str = "srgb",
     reel: Reel | None = None,
     progress: bool | Progress = True,
@@ -114,7 +115,9 @@ def relight_frames(
     half
         Half floats in the EXRs.
     background
-        What is shown where no surface is: "env", "none" (black), or a colour, "#rrggbb".
+        What is shown where no surface is: "env", "none" (the files have alpha), or a colour, "#rrggbb".
+    catcher
+        Of the scene's ground only the shadow on it is shown.
     tone
         The curve of the PNGs, as for `to_display`.
     reel
@@ -125,15 +128,16 @@ def relight_frames(
     ValueError, OSError
         If an argument cannot be used or the folder not be written.
     """
-    relighter, backdrop = Relighter(transport, method), Backdrop(transport, background)
+    relighter, backdrop = Relighter(transport, method), Backdrop(transport, background, catcher=catcher)
+    plain = background == "env" and not catcher
     path = claim(folder, _names(film.frames, kind))
     if exposure is None:
-        exposure = auto_exposure(transport.image(transport.multiply(transport.coefficients(film.key)), film.key))
+        exposure = backdrop.exposure(transport.multiply(transport.coefficients(film.key)), film.key)
     tell, seconds, table = reporter(progress, "relight"), [], Table(path / _TABLE)
     with _Encoder(exposure, half, tone) as encoder:
         for k, env in enumerate(film.lights):
             frame = relighter.step(env)
-            picture = frame.image if background == "env" else backdrop.picture(frame.values, env, exposure)
+            picture = frame.image if plain else backdrop.picture(frame.values, env, exposure, relighter.values)
             about: dict[str, str | int | float] = {
                 "software": "deltalux",
                 "deltalux:environment": env.name,

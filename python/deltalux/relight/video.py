@@ -20,7 +20,7 @@ RATE = 25
 
 
 Reel = Callable[[NDArray[np.uint8]], object]
-"""Takes the frames of a film, (h, w, 3) of 8-bit sRGB, one behind the other."""
+"""Takes the frames of a film, (h, w, 3) of 8-bit sRGB or (h, w, 4) with alpha, one behind the other."""
 
 
 def check_video(path: str | os.PathLike[str]) -> None:
@@ -74,18 +74,23 @@ def _mp4(path: Path) -> Iterator[Reel]:
     def reel(frame: NDArray[np.uint8]) -> None:
         nonlocal writer
         # Chroma is stored for two by two pixels: an odd row or column is left out.
-        even = np.ascontiguousarray(frame[: frame.shape[0] // 2 * 2, : frame.shape[1] // 2 * 2])
+        even = _on_black(frame)[: frame.shape[0] // 2 * 2, : frame.shape[1] // 2 * 2]
         if writer is None:
             size = (even.shape[1], even.shape[0])
             writer = imageio_ffmpeg.write_frames(str(path), size, fps=RATE, quality=8, macro_block_size=1)
             writer.send(None)
-        writer.send(even)
+        writer.send(np.ascontiguousarray(even))
 
     try:
         yield reel
     finally:
         if writer is not None:
             writer.close()
+
+
+def _on_black(frame: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """What H.264 has no room for is left out."""
+    return frame if frame.shape[2] == 3 else np.asarray(frame[..., :3] * (frame[..., 3:] / 255.0), np.uint8)
 
 
 def _save_webp(path: Path, frames: list[NDArray[np.uint8]]) -> None:

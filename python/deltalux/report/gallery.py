@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..io import auto_exposure, magnification, save_image, to_display
 from ..light.environment import Environment
 from ..light.motion import Motion
+from ..pages.plotting import INK
 from ..transport.transport import Transport
 
 if TYPE_CHECKING:
@@ -87,11 +88,11 @@ class Gallery:
         left, top = 118, 44
         times = self._times(others[-1])
         size = (left + len(self._moments) * (width + _GAP), top + len(rows) * (height + _GAP))
-        strip = Image.new("RGB", size, "white")
+        strip = Image.new("RGBA", size)
         draw, font, small = ImageDraw.Draw(strip), _font(15), _font(12)
         for k, (frame, title) in enumerate(self._moments.items()):
             x = left + k * (width + _GAP)
-            draw.multiline_text((x + width / 2, top - 8), title, "black", font=small, anchor="md", align="center")
+            draw.multiline_text((x + width / 2, top - 8), title, INK, font=small, anchor="md", align="center")
             exact = _cell(self._full[reference, frame])
             for j, (name, difference) in enumerate(rows):
                 y = top + j * (height + _GAP)
@@ -105,7 +106,7 @@ class Gallery:
             y = top + j * (height + _GAP) + height / 2
             label = f"|{name}\n\N{MINUS SIGN} exact|\n\N{MULTIPLICATION SIGN} {times}" if difference else name
             draw.multiline_text(
-                (left - 10, y), label, "black", font=small if difference else font, anchor="rm", align="right"
+                (left - 10, y), label, INK, font=small if difference else font, anchor="rm", align="right"
             )
         strip.save(path, optimize=True)
 
@@ -140,15 +141,15 @@ class Gallery:
 
         height, width = self._small[self.moving[0]][k].shape[:2]
         top, bottom = 26, 26
-        canvas = Image.new("RGB", (len(self.moving) * (width + _GAP) - _GAP, top + height + bottom), "white")
+        canvas = Image.new("RGBA", (len(self.moving) * (width + _GAP) - _GAP, top + height + bottom))
         draw, font, small = ImageDraw.Draw(canvas), _font(15), _font(12)
         for j, name in enumerate(self.moving):
             x = j * (width + _GAP)
             canvas.paste(Image.fromarray(self._small[name][k]), (x, top))
-            draw.text((x + width / 2, top - 7), name, "black", font=font, anchor="ms")
+            draw.text((x + width / 2, top - 7), name, INK, font=font, anchor="ms")
         state = "turning" if k < self._motion.stop else "still"
         text = f"frame {k}   {self._motion.angles[k]:.1f}\N{DEGREE SIGN}   {state}"
-        draw.text((4, top + height + 18), text, "#444444", font=small, anchor="ls")
+        draw.text((4, top + height + 18), text, INK, font=small, anchor="ls")
         done = (k + 1) / len(self._motion.angles)
         draw.rectangle((190, top + height + 11, 190 + (canvas.width - 194) * done, top + height + 15), "#0072B2")
         return canvas

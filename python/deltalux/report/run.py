@@ -127,7 +127,7 @@ def report(
     methods
         Methods of one's own, which take part beside those of the table.
     progress
-        True: bars on standard error. A callable: progress(done, total), for each part of the work anew.
+        True: a bar on standard error. A callable: progress(done, total), for each part of the work anew.
 
     Returns
     -------
@@ -147,8 +147,8 @@ def report(
     rows = (*METHODS, *own(methods))
     path = claim(folder, _file_names(envs, motion))
     chapters = []
-    # Errors, run times on some numbers of threads, and pictures, of each light.
-    step_of = steps(progress, "report", len(envs) * (2 + len(THREADS)))
+    # Errors, run times on some numbers of threads, and pictures, of each light; the page.
+    step_of = steps(progress, "report", len(envs) * (2 + len(THREADS)) + 1)
     for k, light in enumerate(envs):
         prefix = slug(light.name, k)
         result, gallery = _measure(transport, light, motion, rows, step_of)
@@ -162,7 +162,9 @@ def report(
         gallery.save_animation(path / f"{prefix}-animation.webp")
         step(3, 3)
         chapters.append((prefix, result, gallery.exposure or 0.0, _frame_names(prefix, motion)))
+    step = step_of("plots and page")
     write(path, transport, motion, rows, chapters, size_curve(transport, envs, motion))
+    step(1, 1)
     return path / "index.html"
 
 

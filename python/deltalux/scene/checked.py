@@ -78,9 +78,10 @@ def checked_triangles(triangles: npt.ArrayLike) -> np.ndarray:
 def check_corners(corners: np.ndarray, vertices: int) -> None:
     bad = np.flatnonzero(((corners < 0) | (corners >= vertices)).any(axis=1))
     if len(bad):
+        from_one = "; are they counted from 1?" if corners.min() == 1 and corners.max() == vertices else ""
         raise ValueError(
             f"corners must be in [0, {vertices}), but {len(bad)} of {len(corners)} triangles point elsewhere; "
-            f"the first is triangle {bad[0]} = {tuple(corners[bad[0]].tolist())}"
+            f"the first is triangle {bad[0]} = {tuple(corners[bad[0]].tolist())}{from_one}"
         )
 
 
@@ -112,6 +113,8 @@ def checked_tangents(tangents: npt.ArrayLike, vertices: int) -> np.ndarray:
 
 def checked_materials(materials: Sequence[Material], numbers: npt.ArrayLike | None, triangles: int) -> np.ndarray:
     """For each triangle the number of its material."""
+    if isinstance(materials, Material):
+        raise TypeError("expected a list of materials, got one; [material] is a list of it")
     if len(materials) == 0 or any(not isinstance(material, Material) for material in materials):
         raise ValueError(f"materials must be a list of dl.Material, got {materials!r:.80}")
     if numbers is None:

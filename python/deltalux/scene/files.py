@@ -27,10 +27,12 @@ from .ply import read as read_ply
 def read(path: str | os.PathLike[str], scene: int | str | None = None) -> Content:
     """What a scene file holds, or one of its scenes; see `Scene.load`."""
     path = Path(path)
-    data = path.read_bytes()
     kind = path.suffix.lower()
-    if kind not in _READERS:
+    if kind not in _READERS and not path.is_dir():
         raise FileError(f"{path}: expected one of {', '.join(_READERS)}, got {path.suffix or 'no suffix'!r}")
+    data = path.read_bytes()
+    if scene is not None and _READERS[kind] is not read_gltf:
+        raise FileError(f"{path}: expected a .glb or a .gltf to choose a scene of, others hold one alone")
     content = Content(path.stem)
     with blaming(path):
         content.wanted = scene

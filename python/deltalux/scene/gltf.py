@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ..camera import LARGEST_PICTURE, Camera
+from ..mistakes import near
 from .content import Content, Piece
 from .gltf_data import Data, chunks, item
 from .gltf_materials import Materials
@@ -102,15 +103,17 @@ class _Reader:
         scenes, wanted = self.tree.get("scenes", []), self.content.wanted
         named = {str(scene.get("name", "")): number for number, scene in reversed(list(enumerate(scenes)))}
         if isinstance(wanted, str):
-            if wanted not in named:
-                raise ValueError(
-                    f"expected the name of a scene ({', '.join(filter(None, named)) or 'none'}), got {wanted!r}"
-                )
-            wanted = named[wanted]
+            if wanted not in named and not wanted.isdecimal():
+                known = ", ".join(filter(None, named)) or "none"
+                what = f"expected the name of a scene ({known}) or a number below {len(scenes)}, got {wanted!r}"
+                raise ValueError(what + near(wanted, named))
+            wanted = named[wanted] if wanted in named else int(wanted)
         if not scenes and wanted is None:
             return self._orphans()
         if len(scenes) > 1 and wanted is None:
-            self.content.leave_out("scenes ignored", f"one of {len(scenes)} is shown; scene= chooses another")
+            self.content.leave_out(
+                "scenes ignored", f"one of {len(scenes)} is shown; --scene or scene= chooses another"
+            )
         roots: list[int] = item(scenes, self.tree.get("scene", 0) if wanted is None else wanted, "scene").get(
             "nodes", []
         )

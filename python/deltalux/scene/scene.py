@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 from ..camera import Camera
 from ..checks import as_vector, one_of, real_array
+from ..mistakes import checked_path, instead_of, near, refuse_kind
 from ..surface.material import Material
 from ..surface.surface import Surface, of_materials
 from ..surface.texture import Sampler
@@ -39,6 +40,9 @@ from .checked import (
     has_area,
 )
 from .content import Content, Piece
+
+GROUND = "ground"
+"""What the material of the plane under a scene is called."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -64,6 +68,10 @@ class Scene(Surface):
     counts: Mapping[str, int] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        seen = f"{self.camera.width} x {self.camera.height} pixels"
+        return f"<Scene {self.name!r}, {len(self.triangles):,} triangles, {len(self.albedo)} materials, {seen}>"
+
     @classmethod
     def load(
         cls,
@@ -83,7 +91,7 @@ class Scene(Surface):
         up : str
             The axis that points upwards in the file, "y" or "z", as in CAD, GIS and scanners: it is turned to be +Y.
         scene : int or str, optional
-            Of a file with several (glTF): its number or its name; otherwise the one that the file names.
+            Of a file with several (glTF): its name or its number, from 0; otherwise the one that the file names.
 
         Returns
         -------
@@ -97,7 +105,11 @@ class Scene(Surface):
         FileError
             A `ValueError`: the file is broken, of an unknown kind, has no triangles, or nothing of that name.
         """
+        checked_path(path, "the path of a scene")
         one_of("up", up, ("y", "z"))
+        if os.fspath(path) in catalogue.SCENES and not os.path.exists(path):
+            raise FileNotFoundError(f"{path}: there is no such file; dl.Scene.builtin({path!r}) is a scene")
+        refuse_kind(path, "a scene")
         content = files.read(path, scene)
         with files.blaming(path):
             return cls.from_content(content, camera, up)
@@ -276,7 +288,14 @@ class Scene(Surface):
         -------
         Scene
             A new one, which shares the arrays.
+
+        Raises
+        ------
+        TypeError
+            If it is no camera.
         """
+        if not isinstance(camera, Camera):
+            raise instead_of("Camera", camera)
         return replace(self, camera=camera)
 
     def with_ground(self, albedo: npt.ArrayLike = (0.5, 0.5, 0.5)) -> Scene:
@@ -306,7 +325,7 @@ class Scene(Surface):
         return self._joined_by(
             np.array(square),
             np.array([(0, 1, 2), (0, 2, 3)]),
-            "ground",
+            GROUND,
             checked_albedo(np.broadcast_to(real_array("albedo", albedo, np.float64), (1, 3))),
         )
 
@@ -488,9 +507,11 @@ def _camera_of(content: Content, camera: Camera | str | None, up: str) -> Camera
     """The camera that was asked for, or the content's first, turned as the content is; None where there is none."""
     if isinstance(camera, Camera):
         return camera
+    if not (camera is None or isinstance(camera, str)):
+        raise instead_of("Camera", camera)
     if camera is not None and camera not in content.cameras:
         known = ", ".join(content.cameras) or "none"
-        raise ValueError(f"expected the name of a camera ({known}), got {camera!r}")
+        raise ValueError(f"expected the name of a camera ({known}), got {camera!r}{near(camera, content.cameras)}")
     found = content.cameras[camera] if camera is not None else next(iter(content.cameras.values()), None)
     if found is None or up == "y":
         return found

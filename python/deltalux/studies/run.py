@@ -10,7 +10,7 @@ from ..columns import Haar
 from ..light.environment import Environment
 from ..light.motion import Motion
 from ..output import check_folder, claim, slug
-from ..progress import Progress, reporter
+from ..progress import Progress, steps
 from ..relight.entrants import own
 from ..scene.scene import Scene
 from ..transport.transport import Transport
@@ -165,7 +165,7 @@ def study(
     methods
         Methods of one's own that take part, in studies that compare methods.
     progress
-        True: bars on standard error. A callable: progress(done, total), for each chapter anew.
+        True: a bar on standard error. A callable: progress(done, total), for each chapter anew.
 
     Returns
     -------
@@ -183,7 +183,8 @@ def study(
     chosen = STUDIES[name]
     names = _names(chosen, chapters)
     sheet = Sheet(claim(folder, names), chosen.title, chosen.intro, names)
+    step_of = steps(progress, name, len(chapters))
     for chapter, case in chapters:
         sheet.chapter(chapter, case.name)
-        chosen.run(case, sheet, reporter(progress, f"{name}: {case.name}"))
+        chosen.run(case, sheet, step_of(case.name))
     return sheet.save()

@@ -10,7 +10,7 @@ from typing import Any
 from ..output import write_csv
 from ..pages.machine import machine
 from ..pages.page import Page, figure, table
-from ..pages.plotting import drawing
+from ..pages.plotting import drawing, with_pictures
 from ..pages.verdict import MARKS, Verdict, summed
 
 __all__ = ["Sheet"]
@@ -58,9 +58,8 @@ class Sheet:
         path = self._path(kind)
         with drawing(path, rows, columns, size, **options) as drawn:
             yield drawn
-        alone = not any(axis.images for axis in drawn[0].axes)
         alt = f"{caption.partition('.')[0]}: {self._title}"
-        self._page.add(figure(path.name, caption, alt, path.name, plot=alone))
+        self._page.add(figure(path.name, caption, alt, path.name, plot=not with_pictures(drawn[0])))
 
     def csv(self, kind: str, rows: Sequence[Mapping[str, Any]]) -> None:
         """All figures, as a file with a link."""

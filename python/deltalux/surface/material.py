@@ -12,6 +12,7 @@ import numpy.typing as npt
 from .. import brdf
 from ..brdf import Measured, Model
 from ..checks import Vector, real_array
+from ..mistakes import suggests_keywords
 
 __all__ = ["BRIGHTEST", "Lobe", "Material", "decoded", "encoded"]
 
@@ -36,6 +37,7 @@ _NUMBERS = 8
 _NOTHING = -1.0
 
 
+@suggests_keywords
 @dataclass(frozen=True)
 class Material:
     """A diffuse surface, with a glossy lobe over it or a measured one instead; it may give off light.

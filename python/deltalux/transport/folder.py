@@ -14,16 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._core import FileError
+from ..mistakes import misplaced
 
 __all__ = ["Folder", "array", "stored_arrays"]
 
 _ARRAYS = "arrays.npz"
-_KINDS = {
-    "curves.json": "a transport of curves",
-    "studio.json": "a studio",
-    "manifest.json": "a transport of light",
-}
-"""What a directory is, by its manifest."""
 _LARGEST = 1 << 30
 
 
@@ -56,8 +51,7 @@ class Folder:
     def opened(self, path: Path) -> Iterator[tuple[dict[str, Any], dict[str, NDArray[Any]]]]:
         """The manifest and the arrays; what goes wrong with them inside is the directory's fault."""
         if not (path / self.manifest).exists():
-            found = next((kind for name, kind in _KINDS.items() if (path / name).exists()), "none")
-            raise FileError(f"{path}: expected {self.what}, got {found}")
+            raise FileError(misplaced(path, self.what) or f"{path}: expected {self.what}, got none")
         try:
             about = json.loads((path / self.manifest).read_text(encoding="utf-8"))
             if about["version"] != self.version:

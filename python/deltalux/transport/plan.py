@@ -179,6 +179,9 @@ class Plan:
         The same if all of the light went through the wavelets; empty where it does.
     solve
         How light between surfaces was solved; None where there is none, or not yet.
+    ground
+        The number of the material called "ground", which a picture may show the shadows on alone; None where there is
+        none, as in files before 0.8.
     job
         What tells one request from another, scene and settings; "" where it is not known, as in files before 0.7.
     """
@@ -194,6 +197,7 @@ class Plan:
     errors: dict[str, float] = field(default_factory=dict)
     without: dict[str, float] = field(default_factory=dict)
     solve: Solve | None = None
+    ground: int | None = None
     job: str = ""
 
     @property
@@ -344,6 +348,7 @@ def _read(found: Mapping[str, Any]) -> Plan:
         errors=_measured("errors", found.get("errors", {})),
         without=_measured("without", found.get("without", {})),
         solve=_solved(found.get("solve")),
+        ground=None if found.get("ground") is None else _checked("ground", found["ground"], _COUNT),
         job=_checked("job", found.get("job", ""), _TEXT),
     )
 

@@ -31,6 +31,7 @@ from .matrix import Matrix
 from .mesh import save_mesh
 from .plan import Plan, Solve
 from .receivers import Pixels, Receivers, Vertices, of_table
+from .seen import Seen
 from .views import Views
 
 if TYPE_CHECKING:
@@ -69,8 +70,8 @@ class Transport(Matrix):
             super().__init__(path)
         else:
             checked_path(path, "the path of a transport")
-            refuse_missing(path)
             refuse_kind(path, "a transport")
+            refuse_missing(path)
             super().__init__(CoreTransport.open(path))
             self._path = Path(path).absolute()
 
@@ -256,13 +257,34 @@ class Transport(Matrix):
             raise ValueError(f"expected one environment behind one product, got {len(env)}")
         if self.receivers.kind == "vertices":
             return self.render(self.camera, B, env)
-        values = self._response(B)
-        picture = self.pixels.resolve(values)
-        if self._glow is not None:
-            picture += self._glow
+        picture = self.seen(B).picture()
         if env is not None:
             env._behind(self._behind, picture)
         return picture
+
+    def seen(self, B: ArrayLike, camera: Camera | None = None) -> Seen:
+        """The samples of surfaces that pixels show of a response, for who makes pictures otherwise.
+
+        Parameters
+        ----------
+        B
+            (rows, 3): a product.
+        camera
+            Of vertices; None: that of the transport, which pixels have no other than.
+
+        Returns
+        -------
+        Seen
+
+        Raises
+        ------
+        ValueError
+            If the shape is wrong, the rows are neither pixels nor vertices, or the file names no camera.
+        """
+        if camera is not None or self.receivers.kind == "vertices":
+            return self._views.seen(self.camera if camera is None else camera, self._response(B))
+        values = self._response(B)
+        return Seen(self.pixels, values, self._glow)
 
     def _response(self, B: ArrayLike) -> NDArray[np.float32]:
         """B with the light that does not move."""
@@ -325,12 +347,11 @@ class Transport(Matrix):
         ValueError
             If the shape is wrong, the rows are no vertices, or the file keeps no scene.
         """
-        views = self._views
         if not isinstance(camera, Camera):
-            raise ValueError(f"expected a dl.Camera to see vertices from, got {camera!r}")
-        picture, behind = views.picture(camera, self._response(B))
+            raise instead_of("Camera", camera)
+        picture = self.seen(B, camera).picture()
         if env is not None:
-            env._behind(behind, picture)
+            env._behind(self._views.behind(camera), picture)
         return picture
 
     def colours(self, B: ArrayLike) -> NDArray[np.float32]:

@@ -17,6 +17,7 @@ from ..camera import Camera
 from ..surface.surface import Surface
 from .gloss import Gloss
 from .receivers import Pixels, Vertices
+from .seen import Seen
 
 __all__ = ["Views"]
 
@@ -32,7 +33,7 @@ class _View:
     """What a camera's pixels show of the surfaces."""
 
     rows: Rows
-    table: ReceiverTable
+    samples: Pixels
     behind: Behind
     shine: ReceiverTable | None
     """The same with the colours of lobes; None where there are none."""
@@ -118,23 +119,28 @@ class Views:
                 shine = rows.table(self._surface.specular[material], material.astype(np.uint16))
                 mix = self._gloss.mix(camera)
             emission = self._surface.emission
-            glow = None if emission is None else Pixels(table).shown(emission[material])
-            found = _View(rows, table, Behind(table.background, camera.directions()), shine, mix, glow)
+            samples = Pixels(table)
+            glow = None if emission is None else samples.shown(emission[material])
+            found = _View(rows, samples, Behind(table.background, camera.directions()), shine, mix, glow)
             while len(self._views) >= _KEPT:
                 self._views.pop(next(iter(self._views)), None)
             self._views[camera] = found
         return found
 
-    def picture(self, camera: Camera, B: NDArray[np.float32]) -> tuple[NDArray[np.float32], Behind]:
-        """The picture of a response at vertices, (height, width, 3), and what puts an environment behind it."""
+    def seen(self, camera: Camera, B: NDArray[np.float32]) -> Seen:
+        """What a camera shows of a response at vertices."""
         view = self._view(camera)
-        picture = view.table.resolve(view.rows.interpolated(self._shows, _with_dark(B[: len(self.shown)])))
+        values = view.rows.interpolated(self._shows, _with_dark(B[: len(self.shown)]))
+        besides = view.glow
         if view.shine is not None and self._gloss is not None:
             glossy = _with_dark(self._gloss.seen(B, view.mix))
-            picture += view.shine.resolve(view.rows.interpolated(self._shows, glossy))
-        if view.glow is not None:
-            picture += view.glow
-        return picture, view.behind
+            shine = view.shine.resolve(view.rows.interpolated(self._shows, glossy))
+            besides = shine if besides is None else shine + besides
+        return Seen(view.samples, values, besides)
+
+    def behind(self, camera: Camera) -> Behind:
+        """What puts an environment behind the scene."""
+        return self._view(camera).behind
 
 
 def _with_dark(values: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._core import Approximation as CoreApproximation
+from ..mistakes import no_columns
 from .choice import State
 from .methods import Method
 from .settings import asked, per_column, settings, weights_of
@@ -70,6 +71,8 @@ class Approximation:
 
     Raises
     ------
+    TypeError
+        If there are no columns.
     ValueError
         If something is missing, of the wrong shape, or not finite.
 
@@ -90,6 +93,8 @@ class Approximation:
         column_bytes: ArrayLike | None = None,
         band_norms: ArrayLike | None = None,
     ) -> None:
+        if not hasattr(columns, "bands"):
+            raise no_columns(columns)
         starts, areas = _bands(columns)
         self.columns = columns
         self.method = method

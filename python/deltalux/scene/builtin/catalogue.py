@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from ...mistakes import kind_of, near
 from ..content import Content
 from .cornell import cornell
 from .plant import plant
@@ -15,7 +16,8 @@ from .studios import studio_box, studio_figures, studio_room, studio_still_life
 def build(name: str) -> Content:
     """The built-in scene of this name."""
     if name not in SCENES:
-        raise ValueError(f"there is no built-in scene {name!r}; expected one of {', '.join(SCENES)}")
+        read = "; dl.Scene.load(path) reads a file" if kind_of(str(name)) else near(name, SCENES)
+        raise ValueError(f"expected a built-in scene of {', '.join(SCENES)}, got {name!r}{read}")
     return SCENES[name]()
 
 
