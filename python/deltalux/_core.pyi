@@ -91,7 +91,7 @@ class FileError(ValueError): ...
 class Cancelled(RuntimeError): ...
 
 _Matrix = tuple[tuple[float, float, float], ...]
-_Parts = tuple[tuple[float, EnvironmentMap, _Matrix], ...]
+_Parts = tuple[tuple[tuple[float, float, float], EnvironmentMap, _Matrix], ...]
 _Update = tuple[NDArray[np.uint32], NDArray[np.float64], list[int]]
 _Colour = tuple[float, float, float]
 _Stepped = tuple[NDArray[np.float32], _Update, int, tuple[_Colour, _Colour, list[_Colour]], bool, float, float]
