@@ -1,0 +1,299 @@
+// Puts the page together: what arrives goes to the rooms that show it, what they change goes out once per frame.
+//
+// For tests and the curious: `window.deltalux` has `frame` (header of the last frame), `layers` (name -> the full
+// picture or mesh as shown, Float32Array or half floats as Uint16Array), `readPixels()` (the canvas, RGBA, rows from
+// the top), `state` (as shared), `view` (this page's own) and `fps` (frames shown in the last second).
+
+import { mountCubemap } from "./cubemap.js";
+import { Connection } from "./connection.js";
+import { $, choices, element, pressed, slider } from "./dom.js";
+import { mountKeys } from "./keys.js";
+import { numbers } from "./layers.js";
+import { mountLight } from "./light.js";
+import { mountMethod } from "./method.js";
+import { mountOut } from "./out.js";
+import { drawHistogram, mountPlots } from "./plots.js";
+import { MODES } from "./shading.js";
+import { Stage } from "./stage.js";
+import { History, pick, Store } from "./state.js";
+import { mountStrip } from "./strip.js";
+
+const PROBLEMS = 5;
+const PROBLEM_SECONDS = 8;
+// The exposure comes this near to what the picture asks for in a second: 1 - 1/e, four times over.
+const FOLLOWING = 4;
+const NAMES = { a: "A", exact: "exact", b: "B", kept: "kept" };
+
+const app = {
+  shared: new Store(),
+  view: new Store({
+    mode: "beauty", tone: "agx", exposure: 0, locked: false, wipe: false, with: "exact", at: 0.5,
+    luminance: false, zebra: false, full: 1, probed: null,
+  }),
+  welcome: null,
+  stats: null,
+  listeners: {},
+  on: (kind, act) => (app.listeners[kind] ??= []).push(act),
+  tell: (kind, ...told) => app.listeners[kind]?.forEach((act) => act(...told)),
+  send: (message) => (connection.later(message), wake()),
+  redraw: () => ((dirty = true), wake()),
+  /** Runs once before what is queued goes out with the next frame. */
+  before: (act) => (firsts.push(act), wake()),
+  /** Runs once with the next frame, however often it was asked for. */
+  soon: (name, act) => (pending.set(name, act), wake()),
+  say,
+  fail: (sentence) => Object.assign($("lost"), { textContent: sentence, hidden: false }),
+  nameOf: (side) => {
+    const method = app.shared.values.method?.[side];
+    return method ? (app.welcome.methods.find(({ name }) => name === method.name)?.title ?? method.name) : NAMES[side];
+  },
+};
+
+let dirty = false;
+let awake = false;
+let before = 0;
+const changed = new Set();
+const firsts = [];
+const pending = new Map();
+const acks = [];
+const shownAt = [];
+let wanted = "";
+
+app.history = new History(app.shared);
+app.shared.on((keys, from) => {
+  if (from === "here") keys.forEach((key) => changed.add(key));
+  wake();
+});
+app.view.on(() => wake());
+const stage = new Stage(app);
+for (const mount of [mountMethod, mountLight, mountStrip, mountCubemap, mountPlots, mountOut, mountKeys]) mount(app);
+mountView();
+const connection = new Connection({ text, binary, lost, refused });
+
+// What goes on in a frame of the display
+
+function wake() {
+  if (awake) return;
+  awake = true;
+  requestAnimationFrame(tick);
+}
+
+function tick(now) {
+  awake = false;
+  const seconds = Math.min(0.1, (now - before) / 1000);
+  before = now;
+  for (const act of firsts.splice(0)) act();
+  want();
+  connection.flush(changed.size ? pick(app.shared.values, [...changed]) : null);
+  changed.clear();
+  if (!app.welcome) return;
+  follow(seconds);
+  if (dirty) stage.draw();
+  dirty = false;
+  const due = [...pending.values()];
+  pending.clear();
+  for (const act of due) act();
+  // A frame is acknowledged once it is drawn: a slow card slows the server, and a hidden page stops it.
+  for (const n of acks.splice(0)) connection.now({ ack: n });
+}
+
+/** The exposure goes to what the picture asks for, smoothly, until it is locked. */
+function follow(seconds) {
+  const { exposure, locked } = app.view.values;
+  const asked = app.stats?.auto;
+  if (locked || !Number.isFinite(asked) || asked === exposure) return;
+  const rest = asked - exposure;
+  const first = shownAt.length < 2;
+  app.view.set({ exposure: first || Math.abs(rest) < 0.01 ? asked : exposure + rest * (1 - Math.exp(-FOLLOWING * seconds)) });
+}
+
+/** Asks for the layers that are looked at, when that changes. */
+function want() {
+  if (!app.welcome) return;
+  const { mode, wipe, with: other, probed, exposure, tone } = app.view.values;
+  const layers = [];
+  if (app.shared.values.method?.b) layers.push("b");
+  if (["error", "ghosts", "difference"].includes(mode) || (wipe && other === "exact") || probed) layers.push("exact");
+  if (mode === "bound" || probed) layers.push("bound");
+  const maps = Boolean(app.welcome.columns?.size) && $("graphs").offsetParent !== null;
+  const message = { layers, maps, quality: "auto", exposure: Math.round(exposure * 4) / 4, tone };
+  const text = JSON.stringify(message);
+  if (text === wanted) return;
+  wanted = text;
+  connection.later({ want: message });
+}
+
+// What arrives
+
+function text(message) {
+  if (message.welcome) return begin(message.welcome);
+  if (message.replaced) return begin(message.replaced);
+  if (message.state) app.shared.set(message.state, "there");
+  if (message.view) app.tell("opened", message.view);
+  if (message.problem) say(message.problem);
+  if (message.text) app.tell("text", message.text);
+  if (message.curve) app.tell("curve", message.curve);
+  if (message.progress) progress(message.progress);
+}
+
+function begin(welcome) {
+  app.welcome = welcome;
+  wanted = "";
+  acks.length = 0;
+  changed.clear();
+  shownAt.length = 0;
+  $("lost").hidden = true;
+  $("progress").hidden = true;
+  $("title").textContent = document.title = welcome.title;
+  $("facts").replaceChildren(...[...welcome.facts, ["deltalux", welcome.version]].flatMap(([name, value]) => [
+    element("dt", { textContent: name }), element("dd", { textContent: value }),
+  ]));
+  app.shared.begin(welcome.state);
+  $("sky").hidden = !welcome.state.light || !welcome.columns?.size;
+  stage.begin(welcome);
+  app.tell("welcome");
+  app.redraw();
+}
+
+async function binary(header, buffer, start) {
+  const parts = header.parts.map((part) => ({ ...part, values: ["f16", "f32", "u32"].includes(part.type) ? numbers(part, buffer, start) : null }));
+  const named = (name) => parts.find((part) => part.name === name)?.values;
+  const bytes = (part) => new Uint8Array(buffer, start + part.offset, part.bytes);
+  if (header.kind === "frame") await frame(header, parts, bytes);
+  else if (header.kind === "still") stage.rest(named("still"), header.camera);
+  else if (header.kind === "mesh") stage.mesh?.take({ position: named("position"), triangles: named("triangles") });
+  else if (header.kind === "maps") app.tell("maps", { asked: named("asked"), applied: named("applied") });
+  else if (header.kind === "strip") app.tell("strip", named("strip"));
+  else if (header.kind === "row") app.tell("row", header, named("row"));
+  else if (header.kind === "file") app.tell("file", { ...header, ...header.parts[0] }, bytes(header.parts[0]));
+  acks.push(header.n);
+  wake();
+}
+
+async function frame(header, parts, bytes) {
+  for (const part of parts.filter(({ type }) => type === "jpeg")) {
+    stage.picture.putShown(part.name, await createImageBitmap(new Blob([bytes(part)], { type: "image/jpeg" })));
+  }
+  stage.frame(parts.filter(({ values }) => values));
+  api.frame = header;
+  if (header.stats) {
+    app.stats = header.stats;
+    app.tell("stats", header.stats);
+  }
+  const now = performance.now();
+  shownAt.push(now);
+  while (shownAt[0] < now - 1000) shownAt.shift();
+  app.soon("rate", () => ($("rate").textContent = `${shownAt.length} /s`));
+  app.soon("told", told);
+}
+
+let toldAt = 0;
+/** What is read rather than seen needs no more than ten times a second. */
+function told() {
+  const now = performance.now();
+  if (now - toldAt < 100) return;
+  toldAt = now;
+  if (app.view.values.probed) $("probe").textContent = stage.probeText();
+  drawHistogram($("histogram"), stage.luminances(4000), app.view.values.exposure);
+}
+
+function progress({ what, share, left }) {
+  $("progress").hidden = share >= 1;
+  $("progress-text").textContent = left > 0 ? `${what}, ${Math.ceil(left)} s left` : what;
+  $("progress-bar").value = share;
+}
+
+function lost(sentence) {
+  app.fail(sentence);
+}
+
+function refused() {
+  for (const part of document.querySelectorAll("body > header, body > main")) part.hidden = true;
+  $("refused").hidden = false;
+}
+
+function say(sentence) {
+  const told = element("p", { textContent: sentence });
+  $("problems").append(told);
+  while ($("problems").children.length > PROBLEMS) $("problems").firstChild.remove();
+  setTimeout(() => told.remove(), 1000 * PROBLEM_SECONDS);
+}
+
+// How the picture is shown
+
+function mountView() {
+  const { view } = app;
+  for (const mode of MODES) $(`mode-${mode}`).onclick = () => view.set({ mode });
+  $("wipe").onclick = () => view.set({ wipe: !view.values.wipe });
+  $("wipe-with").onchange = ({ target }) => view.set({ with: target.value, wipe: true });
+  $("keep").onclick = () => {
+    stage.picture.keep();
+    view.set({ with: "kept", wipe: true });
+  };
+  $("auto").onclick = () => view.set({ locked: !view.values.locked });
+  $("tone").onchange = ({ target }) => view.set({ tone: target.value });
+  for (const name of ["luminance", "zebra"]) $(name).onclick = () => view.set({ [name]: !view.values[name] });
+  $("background").onchange = ({ target }) => app.shared.set({ background: target.value });
+  const exposure = slider("exposure", "Exposure", { low: -12, high: 12, step: 0.05, unit: "stops" }, (value) => view.set({ exposure: value, locked: true }));
+  $("exposure-slot").append(exposure.element);
+
+  const update = () => {
+    const { mode, wipe, locked, tone, luminance, zebra } = view.values;
+    const { method, background } = app.shared.values;
+    for (const name of MODES) pressed($(`mode-${name}`), name === mode);
+    const others = [["exact", "exact"], ...(method?.b ? [["b", "B"]] : []), ...(stage.picture?.layers.kept ? [["kept", "kept"]] : [])];
+    choices($("wipe-with"), others);
+    $("wipe-with").value = view.values.with;
+    pressed($("wipe"), wipe);
+    pressed($("auto"), !locked);
+    pressed($("luminance"), luminance);
+    pressed($("zebra"), zebra);
+    $("tone").value = tone;
+    exposure.set(view.values.exposure);
+    $("background-label").hidden = background === undefined;
+    $("background").value = background ?? "env";
+    $("keep").hidden = Boolean(stage.mesh);
+  };
+  view.on(() => app.soon("view", update));
+  app.shared.on(() => app.soon("view", update));
+  app.on("welcome", update);
+
+  $("drawer").onclick = () => {
+    const open = document.body.classList.toggle("open");
+    $("drawer").setAttribute("aria-expanded", String(open));
+    wake();
+  };
+  mountTheme();
+}
+
+function mountTheme() {
+  const order = ["", "dark", "light"];
+  const names = { "": "Theme", dark: "Dark", light: "Light" };
+  const set = (theme) => {
+    document.documentElement.dataset.theme = theme;
+    $("theme").textContent = names[theme];
+    localStorage.setItem("deltalux-theme", theme);
+    app.tell("theme");
+  };
+  $("theme").onclick = () => set(order[(order.indexOf(document.documentElement.dataset.theme) + 1) % 3]);
+  const kept = localStorage.getItem("deltalux-theme") ?? "";
+  set(order.includes(kept) ? kept : "");
+}
+
+const api = {
+  frame: null,
+  get layers() {
+    return stage.shown.layers;
+  },
+  readPixels: () => stage.pixels(),
+  get state() {
+    return app.shared.values;
+  },
+  get view() {
+    return app.view.values;
+  },
+  get fps() {
+    return shownAt.filter((time) => time > performance.now() - 1000).length;
+  },
+};
+window.deltalux = api;

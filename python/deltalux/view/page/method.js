@@ -1,0 +1,106 @@
+// The method, or two side by side, with their budgets; freezing and stepping; and what a frame says of itself.
+
+import { $, choices, element, percent, pressed, readable, slider } from "./dom.js";
+
+const AMOUNTS = {
+  terms: { low: 1, high: 4096, step: 1, scale: "log", unit: "terms", first: 30 },
+  milliseconds: { low: 0.05, high: 50, scale: "log", unit: "ms", first: 2 },
+  error: { low: 1e-4, high: 1, scale: "log", unit: "of 1", first: 0.01 },
+};
+const WEIGHTS = { area: "area", none: "no weight", "root-area": "root of area", transport: "transport", cost: "gain for cost" };
+
+export function mountMethod(app) {
+  const panels = { a: panel(app, "a"), b: panel(app, "b") };
+
+  $("compare").onclick = () => {
+    const { method } = app.shared.values;
+    app.shared.set({ method: { ...method, b: method.b ? null : method.a } });
+    app.view.set(method.b ? { wipe: false, with: "exact" } : { wipe: true, with: "b" });
+  };
+  $("freeze").onclick = () => app.shared.set({ frozen: !app.shared.values.frozen });
+  $("step").onclick = () => app.shared.values.frozen && app.send({ step: 1 });
+
+  const update = () => {
+    const { method, frozen } = app.shared.values;
+    $("methods").hidden = !method || !app.welcome.methods?.length;
+    if ($("methods").hidden) return;
+    $("panel-b").hidden = !method.b;
+    pressed($("compare"), Boolean(method.b));
+    pressed($("freeze"), Boolean(frozen));
+    $("step").disabled = !frozen;
+    panels.a.update(method.a);
+    if (method.b) panels.b.update(method.b);
+  };
+  app.on("welcome", () => {
+    for (const one of Object.values(panels)) one.fill(app.welcome);
+    update();
+  });
+  app.shared.on((keys) => (keys.includes("method") || keys.includes("frozen")) && update());
+  app.on("stats", (stats) => showReadouts(stats));
+}
+
+function panel(app, side) {
+  const change = (changes) => {
+    const { method } = app.shared.values;
+    app.shared.set({ method: { ...method, [side]: { ...method[side], ...changes } } });
+  };
+  const known = (name) => app.welcome.methods.find((one) => one.name === name);
+  const select = (name, title, act) => element("select", { id: `${name}-${side}`, ariaLabel: title, onchange: ({ target }) => act(target.value) });
+  const setBudget = (budget) => change({ budget, amount: AMOUNTS[budget].first });
+  const name = select("method", "Method", (value) => {
+    const { budgets } = known(value);
+    const own = app.shared.values.method[side];
+    if (budgets.length === 0) change({ name: value });
+    else if (budgets.includes(own.budget)) change({ name: value });
+    else change({ name: value, budget: budgets[0], amount: AMOUNTS[budgets[0]].first });
+  });
+  const budget = select("budget", "Budget", setBudget);
+  const weight = select("weight", "Weight", (value) => change({ weight: value }));
+  const slot = element("div", { className: "amount" });
+  let amount = null;
+  $(`panel-${side}`).append(name, budget, slot, weight);
+
+  const remake = (kind, most) => {
+    const range = { ...AMOUNTS[kind] };
+    if (kind === "terms") range.high = Math.max(2, most);
+    amount = { kind, ...slider(`amount-${side}`, "Amount", range, (value) => change({ amount: value })) };
+    slot.replaceChildren(amount.element);
+  };
+  return {
+    fill({ methods, weights }) {
+      choices(name, methods.map((one) => [one.name, one.title]));
+      choices(weight, weights.map((one) => [one, WEIGHTS[one] ?? one]));
+      amount = null;
+    },
+    update(method) {
+      const { budgets } = known(method.name) ?? { budgets: [] };
+      const whole = budgets.length === 0;
+      budget.hidden = slot.hidden = weight.hidden = whole;
+      name.value = method.name;
+      if (whole) return;
+      choices(budget, budgets.map((one) => [one, one]));
+      budget.value = method.budget;
+      weight.value = method.weight;
+      if (amount?.kind !== method.budget) remake(method.budget, app.welcome.columns?.count ?? 4096);
+      amount.set(method.amount);
+    },
+  };
+}
+
+function showReadouts(stats) {
+  const { a, b } = stats;
+  if (!a) return;
+  $("converged").hidden = !a.converged;
+  $("late").hidden = !a.late;
+  const told = [["frame", `${readable(1000 * a.seconds)} ms`], ["columns sent", readable(a.columns)]];
+  if (a.resets?.length) told.push(["reset", a.resets.length > 3 ? `${a.resets.length} bands` : `band ${a.resets.join(", ")}`]);
+  if (stats.error !== undefined) told.push(["error", `${percent(stats.error)}${stats.age > 0.3 ? ` · ${readable(stats.age)} s ago` : ""}`]);
+  if (a.relative_pending !== undefined) {
+    const whole = a.relative_pending === null ? null : a.relative_pending + (a.relative_truncation ?? 0);
+    told.push(["bound", `${percent(whole)} = ${percent(a.relative_pending)} not sent + ${percent(a.relative_truncation)} truncated`]);
+  }
+  if (b) told.push(["B", `${readable(1000 * b.seconds)} ms · ${readable(b.columns)} columns · error ${percent(stats.error_b)}`]);
+  if (stats.rate) told.push(["server", `${readable(stats.rate)} /s`]);
+  const rows = told.map(([name, value]) => element("div", {}, element("dt", { textContent: name }), element("dd", { textContent: value })));
+  $("readouts").replaceChildren(...rows);
+}

@@ -1,0 +1,103 @@
+// Pictures: each layer is a texture of half floats, of which only the rows that changed are sent to the card.
+
+import { floats, put, valueAt } from "./layers.js";
+import { program, setShading, SHADING } from "./shading.js";
+
+const NAMES = ["a", "b", "exact", "bound", "kept"];
+
+const VERTEX = `
+void main() { gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0); }`;
+
+const FRAGMENT = `
+uniform sampler2D a, b, exact, bound, kept;
+uniform ivec2 size;
+uniform bool displayed;
+out vec4 colour;
+${SHADING}
+void main() {
+  ivec2 p = ivec2(int(gl_FragCoord.x), size.y - 1 - int(gl_FragCoord.y));
+  bool right = other != 0 && gl_FragCoord.x >= wipe * float(size.x);
+  vec3 shown = texelFetch(a, p, 0).rgb;
+  if (right && other == 1 && (mode == 0)) shown = texelFetch(exact, p, 0).rgb;
+  if (right && other == 2) shown = texelFetch(b, p, 0).rgb;
+  if (right && other == 3) shown = texelFetch(kept, p, 0).rgb;
+  // A JPEG comes as the display shows it.
+  if (displayed && mode == 0) { colour = vec4(shown, 1.0); return; }
+  vec3 truth = mode == 1 || mode == 2 || mode == 4 ? texelFetch(exact, p, 0).rgb : vec3(0.0);
+  vec3 most = mode == 3 ? texelFetch(bound, p, 0).rgb : vec3(0.0);
+  colour = vec4(shade(shown, truth, most, gl_FragCoord.xy), 1.0);
+}`;
+
+export class Picture {
+  constructor(gl, width, height) {
+    this.gl = gl;
+    this.size = [width, height];
+    this.layers = {};
+    this.displayed = false;
+    this.program = program(gl, VERTEX, FRAGMENT);
+    this.textures = {};
+    gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+  }
+
+  texture(name, format) {
+    const { gl } = this;
+    const held = this.textures[name];
+    if (held?.format === format) return held.texture;
+    if (held) gl.deleteTexture(held.texture);
+    const texture = gl.createTexture();
+    gl.bindTexture(gl.TEXTURE_2D, texture);
+    gl.texStorage2D(gl.TEXTURE_2D, 1, format, ...this.size);
+    for (const filter of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, filter, gl.NEAREST);
+    this.textures[name] = { texture, format };
+    return texture;
+  }
+
+  /** Rows of a layer, as halves or floats. */
+  put(name, values, y, height) {
+    const { gl } = this;
+    const [width, rows] = this.size;
+    this.layers[name] = put(this.layers[name], width * rows * 3, y * width * 3, values);
+    if (name === "a") this.displayed = false;
+    gl.bindTexture(gl.TEXTURE_2D, this.texture(name, gl.RGB16F));
+    const type = values instanceof Uint16Array ? gl.HALF_FLOAT : gl.FLOAT;
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, y, width, height, gl.RGB, type, values);
+  }
+
+  /** A whole layer as the display shows it. */
+  putShown(name, bitmap) {
+    const { gl } = this;
+    gl.bindTexture(gl.TEXTURE_2D, this.texture(name, gl.RGBA8));
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, gl.RGBA, gl.UNSIGNED_BYTE, bitmap);
+    delete this.layers[name];
+    this.displayed = true;
+  }
+
+  /** Keeps the picture as it is now, to compare with. */
+  keep() {
+    if (this.layers.a) this.put("kept", floats(this.layers.a).slice(), 0, this.size[1]);
+  }
+
+  draw(view) {
+    const { gl } = this;
+    gl.viewport(0, 0, ...this.size);
+    gl.disable(gl.DEPTH_TEST);
+    gl.useProgram(this.program.made);
+    setShading(gl, this.program, view);
+    gl.uniform2i(this.program.at("size"), ...this.size);
+    gl.uniform1i(this.program.at("displayed"), this.displayed);
+    NAMES.forEach((name, unit) => {
+      gl.activeTexture(gl.TEXTURE0 + unit);
+      gl.bindTexture(gl.TEXTURE_2D, this.textures[name]?.texture ?? null);
+      gl.uniform1i(this.program.at(name), unit);
+    });
+    gl.activeTexture(gl.TEXTURE0);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+  }
+
+  /** Radiance of a layer at a pixel, or null where the layer is not there. */
+  at(name, x, y) {
+    const layer = this.layers[name];
+    const first = 3 * (y * this.size[0] + x);
+    return layer ? [0, 1, 2].map((k) => valueAt(layer, first + k)) : null;
+  }
+}
