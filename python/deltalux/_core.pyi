@@ -56,6 +56,7 @@ __all__ = [
     "threads",
     "Behind",
     "display",
+    "half_floats",
     "Brdf",
     "CURVE",
     "CURVE_FACE",
@@ -127,6 +128,7 @@ class Behind:
     def add(self, parts: _Parts, picture: NDArray[np.float32]) -> None: ...
 
 def display(radiance: NDArray[np.float32], scale: float) -> NDArray[np.uint8]: ...
+def half_floats(radiance: NDArray[np.float32]) -> NDArray[np.uint16]: ...
 
 @final
 class EnvironmentMap:

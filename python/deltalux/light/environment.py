@@ -435,7 +435,7 @@ class Environment:
         """
         if not math.isfinite(factor):
             raise ValueError(f"expected a finite factor, got {factor}")
-        return self._times((factor,) * 3)
+        return self._times((factor, factor, factor))
 
     def tinted(self, colour: ArrayLike) -> Environment:
         """The light times a colour.

@@ -8,8 +8,10 @@ import { mountCubemap } from "./cubemap.js";
 import { Connection } from "./connection.js";
 import { $, choices, element, pressed, slider } from "./dom.js";
 import { mountKeys } from "./keys.js";
+import { mountLamps } from "./lamps.js";
 import { numbers } from "./layers.js";
 import { mountLight } from "./light.js";
+import { mountMaterials } from "./materials.js";
 import { mountMethod } from "./method.js";
 import { mountOut } from "./out.js";
 import { drawHistogram, mountPlots } from "./plots.js";
@@ -17,6 +19,7 @@ import { MODES } from "./shading.js";
 import { Stage } from "./stage.js";
 import { History, pick, Store } from "./state.js";
 import { mountStrip } from "./strip.js";
+import { mountTimeline } from "./timeline.js";
 
 const PROBLEMS = 5;
 const PROBLEM_SECONDS = 8;
@@ -41,6 +44,8 @@ const app = {
   before: (act) => (firsts.push(act), wake()),
   /** Runs once with the next frame, however often it was asked for. */
   soon: (name, act) => (pending.set(name, act), wake()),
+  /** Keeps the picture as it was before the first edit, to compare with. */
+  keepFirst: () => stage.picture.layers.kept || (stage.picture.keep(), app.view.set({ with: "kept" })),
   say,
   fail: (sentence) => Object.assign($("lost"), { textContent: sentence, hidden: false }),
   nameOf: (side) => {
@@ -66,7 +71,8 @@ app.shared.on((keys, from) => {
 });
 app.view.on(() => wake());
 const stage = new Stage(app);
-for (const mount of [mountMethod, mountLight, mountStrip, mountCubemap, mountPlots, mountOut, mountKeys]) mount(app);
+const rooms = [mountMethod, mountLight, mountStrip, mountMaterials, mountLamps, mountCubemap, mountPlots, mountTimeline, mountOut, mountKeys];
+for (const mount of rooms) mount(app, stage);
 mountView();
 const connection = new Connection({ text, binary, lost, refused });
 
@@ -165,7 +171,7 @@ async function binary(header, buffer, start) {
   else if (header.kind === "maps") app.tell("maps", { asked: named("asked"), applied: named("applied") });
   else if (header.kind === "strip") app.tell("strip", named("strip"));
   else if (header.kind === "row") app.tell("row", header, named("row"));
-  else if (header.kind === "file") app.tell("file", { ...header, ...header.parts[0] }, bytes(header.parts[0]));
+  else if (header.kind === "file") app.tell("file", header, bytes(header.parts[0]));
   acks.push(header.n);
   wake();
 }

@@ -1,0 +1,123 @@
+// Lamps of a studio: a list with their strengths, and handles in the picture where the camera sees them.
+
+import { $, button, drags, element, slider } from "./dom.js";
+import { add, dragged, frame, seen } from "./geometry.js";
+import { coloured } from "./materials.js";
+
+const KEY_STEP = 0.02;
+
+export function mountLamps(app, stage) {
+  const rows = new Map();
+  const handles = new Map();
+  const lamps = () => app.shared.values.lamps ?? [];
+  const put = (list) => app.shared.set({ lamps: list });
+  const change = (id, changes) => put(lamps().map((lamp) => (lamp.id === id ? { ...lamp, ...changes } : lamp)));
+  const aspect = () => stage.size[0] / stage.size[1];
+
+  app.on("welcome", () => {
+    $("studio-lamps").hidden = !app.shared.values.lamps;
+    for (const held of [rows, handles]) {
+      for (const one of held.values()) one.element.remove();
+      held.clear();
+    }
+    const kinds = ["point", "spot"].map((kind) => button(`add-${kind}`, `+ ${kind}`, () => addLamp(kind)));
+    $("studio-lamps-body").replaceChildren(element("div", { className: "row" }, ...kinds));
+    update();
+  });
+  app.shared.on((keys) => keys.includes("lamps") && update());
+  app.on("placed", () => place());
+
+  function addLamp(kind) {
+    const { camera } = app.welcome;
+    const { right, up } = frame(camera);
+    const away = Math.hypot(...add(camera.position, camera.target, -1));
+    const position = add(add(camera.target, up, 0.4 * away), right, 0.3 * away);
+    const taken = new Set(lamps().map((lamp) => lamp.id));
+    let number = 1;
+    while (taken.has(`l${number}`)) number += 1;
+    const strength = away * away;
+    put([...lamps(), {
+      id: `l${number}`, kind, position, target: kind === "spot" ? camera.target : null, angle: kind === "spot" ? 30 : null, size: null,
+      intensity: [strength, strength, strength],
+    }]);
+  }
+
+  function update() {
+    const ids = new Set(lamps().map((lamp) => lamp.id));
+    for (const [id, row] of rows) {
+      if (ids.has(id)) continue;
+      row.element.remove();
+      rows.delete(id);
+    }
+    for (const lamp of lamps()) {
+      if (!rows.has(lamp.id)) {
+        rows.set(lamp.id, lampRow(lamp));
+        $("studio-lamps-body").prepend(rows.get(lamp.id).element);
+      }
+      rows.get(lamp.id).update(lamp);
+    }
+    place();
+  }
+
+  function lampRow({ id, kind, angle, intensity }) {
+    const most = Math.max(1e-3, ...intensity);
+    const strength = coloured(`intensity-${id}`, "Strength", { low: most / 1000, high: most * 1000, scale: "log" }, (value) => change(id, { intensity: value }));
+    const cone = angle ? slider(`angle-${id}`, "Angle", { low: 1, high: 89, step: 1, unit: "°" }, (value) => change(id, { angle: value })) : null;
+    const remove = button(`remove-${id}`, "×", () => put(lamps().filter((lamp) => lamp.id !== id)), { ariaLabel: `Remove ${id}` });
+    const head = element("div", { className: "head" }, element("b", { className: "name", textContent: `${kind} · ${id}` }), remove);
+    return {
+      element: element("div", { className: "group" }, head, strength.element, ...(cone ? [cone.element] : [])),
+      update(lamp) {
+        strength.set(lamp.intensity);
+        cone?.set(lamp.angle);
+      },
+    };
+  }
+
+  /** Puts a handle on each lamp and each target that the camera sees. */
+  function place() {
+    if (!stage.camera || !stage.scale) return;
+    const points = lamps().flatMap((lamp) => [
+      { key: lamp.id, lamp, name: "position" },
+      ...(lamp.target ? [{ key: `${lamp.id}-target`, lamp, name: "target" }] : []),
+    ]);
+    for (const [key, handle] of handles) {
+      if (points.some((point) => point.key === key)) continue;
+      handle.element.remove();
+      handles.delete(key);
+    }
+    for (const { key, lamp, name } of points) {
+      if (!handles.has(key)) handles.set(key, makeHandle(key, lamp.id, name));
+      const at = seen(stage.camera, aspect(), lamp[name]);
+      const { element: handle } = handles.get(key);
+      handle.hidden = !at;
+      if (!at) continue;
+      handle.style.left = `${stage.left + at.x * stage.size[0] * stage.scale}px`;
+      handle.style.top = `${stage.top + at.y * stage.size[1] * stage.scale}px`;
+    }
+  }
+
+  function makeHandle(key, id, name) {
+    const handle = element("button", {
+      type: "button", id: `lamp-${key}`, className: name === "target" ? "handle target" : "handle",
+      ariaLabel: `${name === "target" ? "Target" : "Position"} of lamp ${id}: drag or arrow keys; with Alt nearer and further`, title: key,
+    });
+    const move = (dx, dy, alt) => {
+      const point = lamps().find((lamp) => lamp.id === id)[name];
+      const { depth } = seen(stage.camera, aspect(), point);
+      const away = add(point, stage.camera.position, -1);
+      // With Alt, along the line of sight, so that it stays where it is seen.
+      const moved = alt ? add(stage.camera.position, away, Math.max(0.05, 1 - 2 * dy)) : add(point, dragged(stage.camera, aspect(), depth, dx, dy));
+      change(id, { [name]: moved });
+    };
+    drags(handle, { move: (dx, dy, event) => move(dx / (stage.size[0] * stage.scale), dy / (stage.size[1] * stage.scale), event.altKey) });
+    handle.onkeydown = (event) => {
+      const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
+      if (!way) return;
+      event.preventDefault();
+      move(way[0] * KEY_STEP, way[1] * KEY_STEP, event.altKey);
+    };
+    $("handles").append(handle);
+    return { element: handle };
+  }
+}

@@ -1,0 +1,112 @@
+// Materials: of curves, parameters and a curve to draw with its lobe beside it; of studios, gamma, what is reflected
+// and how much, and what is being edited.
+
+import { fromHex, toHex } from "./colours.js";
+import { $, choices, element, slider } from "./dom.js";
+import { mountCurve } from "./curve.js";
+
+const SHARES = [["k_s", "Specular"], ["k_d", "Diffuse"]];
+
+export function mountMaterials(app) {
+  let rows = [];
+  const curve = mountCurve(app);
+
+  app.on("welcome", () => {
+    const materials = app.welcome.materials ?? [];
+    $("materials").hidden = materials.length === 0;
+    const body = $("materials-body");
+    body.replaceChildren();
+    rows = [];
+    if (!materials.length) return;
+    if (materials.some(({ kind }) => kind === "family")) body.append(editing(app, materials));
+    for (const material of materials) {
+      const row = material.kind === "curve" ? curveRow(app, material, curve) : familyRow(app, material);
+      rows.push(row);
+      body.append(row.element);
+    }
+    const first = materials.find(({ kind }) => kind === "curve");
+    if (first) {
+      body.append(curve.element);
+      curve.choose(first.name);
+    }
+    update();
+  });
+  app.shared.on((keys) => keys.some((key) => ["materials", "editing", "curves"].includes(key)) && update());
+
+  function update() {
+    const { materials, editing: name } = app.shared.values;
+    if (!materials) return;
+    for (const row of rows) row.update(materials[row.name] ?? {});
+    if ($("editing")) $("editing").value = name ?? "";
+  }
+}
+
+/** Changes a material, and keeps the picture from before the first change to compare with. */
+function change(app, name, changes, others = {}) {
+  const { materials } = app.shared.values;
+  app.keepFirst();
+  app.shared.set({ materials: { ...materials, [name]: { ...materials[name], ...changes } }, ...others });
+}
+
+function editing(app, materials) {
+  const select = element("select", { id: "editing", onchange: () => app.shared.set({ editing: select.value || null }) });
+  choices(select, [["", "lamps"], ...materials.map(({ name }) => [name, `gamma of ${name}`])]);
+  return element("label", { className: "plain" }, "What moves ", select);
+}
+
+function parameters(name, list, act) {
+  return list.map((one) => [one.name, slider(`${one.name}-${name}`, one.name, { low: one.low, high: one.high, scale: one.log ? "log" : "linear" }, (value) => act({ [one.name]: value }))]);
+}
+
+function curveRow(app, { name, parameters: list, colour }, curve) {
+  const act = (changes) => change(app, name, changes, { curves: { ...app.shared.values.curves, [name]: null } });
+  const sliders = parameters(name, list, act);
+  const title = element("button", { id: `material-${name}`, type: "button", className: "name", textContent: name, onclick: () => curve.choose(name) });
+  const patch = element("span", { className: "patch" });
+  patch.style.background = toHex(colour);
+  const whole = element("div", { className: "group" }, element("div", { className: "head" }, patch, title), ...sliders.map(([, one]) => one.element));
+  return {
+    name,
+    element: whole,
+    update(values) {
+      for (const [key, one] of sliders) if (key in values) one.set(values[key]);
+    },
+  };
+}
+
+function familyRow(app, { name, parameters: list }) {
+  const act = (changes) => change(app, name, changes);
+  const sliders = parameters(name, list, act);
+  const shares = SHARES.map(([key, label]) => [key, coloured(`${key}-${name}`, label, { low: 0, high: 1 }, (value) => act({ [key]: value }))]);
+  const tint = element("input", { id: `colour-${name}`, type: "color", title: "Colour", ariaLabel: `Colour of ${name}`, oninput: () => act({ colour: fromHex(tint.value) }) });
+  const head = element("div", { className: "head" }, element("b", { className: "name", textContent: name }), tint);
+  const whole = element("div", { className: "group" }, head, ...sliders.map(([, one]) => one.element), ...shares.map(([, one]) => one.element));
+  return {
+    name,
+    element: whole,
+    update(values) {
+      for (const [key, one] of [...sliders, ...shares]) if (values[key] !== undefined) one.set(values[key]);
+      tint.value = toHex(values.colour ?? [1, 1, 1]);
+    },
+  };
+}
+
+/** Three values as one slider for the largest and a colour for their ratios. */
+export function coloured(id, label, range, act) {
+  let colour = [1, 1, 1];
+  let amount = range.low;
+  const give = () => act(colour.map((value) => value * amount));
+  const one = slider(id, label, range, (value) => ((amount = value), give()));
+  const input = element("input", { id: `${id}-colour`, type: "color", ariaLabel: `Colour of ${label}`, oninput: () => ((colour = fromHex(input.value)), give()) });
+  one.element.append(input);
+  return {
+    element: one.element,
+    set(values) {
+      const three = Array.isArray(values) ? values : [values, values, values];
+      amount = Math.max(...three);
+      if (amount > 0) colour = three.map((value) => value / amount);
+      one.set(amount);
+      if (document.activeElement !== input) input.value = toHex(colour);
+    },
+  };
+}
