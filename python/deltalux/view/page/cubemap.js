@@ -26,8 +26,8 @@ export function mountCubemap(app) {
       Object.assign($(id), { width: most * times, height: (most * times * 3) / 4 });
     }
     const chips = (columns?.bands ?? []).map((band, number) => {
-      const chip = element("span", { className: "chip", textContent: band });
-      chip.style.borderColor = KINDS[number % KINDS.length];
+      const chip = element("span", { className: "key", textContent: band });
+      chip.style.setProperty("--mark", KINDS[number % KINDS.length]);
       return chip;
     });
     $("bands").replaceChildren(element("span", { textContent: columns?.label ?? "" }), ...chips);

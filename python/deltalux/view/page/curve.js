@@ -27,7 +27,9 @@ export function mountCurve(app) {
     first[curve.name] ??= curve;
     if (pulling && curve.name === name) return;
     now[curve.name] = curve;
-    if (curve.name === name) draw();
+    if (curve.name !== name) return;
+    scale();
+    draw();
   });
   app.on("theme", () => draw());
 

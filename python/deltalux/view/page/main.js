@@ -119,9 +119,14 @@ function want() {
   const { mode, wipe, with: other, probed, exposure, tone } = app.view.values;
   const layers = [];
   if (app.shared.values.method?.b) layers.push("b");
+  if (!app.compares) return ask({ layers, maps: false, exposure, tone });
   if (["error", "ghosts", "difference"].includes(mode) || (wipe && other === "exact") || probed) layers.push("exact");
   if (mode === "bound" || probed) layers.push("bound");
   const maps = Boolean(app.welcome.columns?.size) && $("graphs").offsetParent !== null;
+  ask({ layers, maps, exposure, tone });
+}
+
+function ask({ layers, maps, exposure, tone }) {
   const message = { layers, maps, quality: "auto", exposure: Math.round(exposure * 4) / 4, tone };
   const text = JSON.stringify(message);
   if (text === wanted) return;
@@ -155,7 +160,9 @@ function begin(welcome) {
     element("dt", { textContent: name }), element("dd", { textContent: value }),
   ]));
   app.shared.begin(welcome.state);
-  $("sky").hidden = !welcome.state.light || !welcome.columns?.size;
+  app.compares = ["pixels", "vertices"].includes(welcome.kind);
+  $("sky").hidden = !welcome.state.light;
+  for (const id of ["strip-box", "strip-hint", "brush-part"]) $(id).hidden = !welcome.columns?.size;
   stage.begin(welcome);
   app.tell("welcome");
   app.redraw();
@@ -247,9 +254,11 @@ function mountView() {
     const { mode, wipe, locked, tone, luminance, zebra } = view.values;
     const { method, background } = app.shared.values;
     for (const name of MODES) pressed($(`mode-${name}`), name === mode);
-    const others = [["exact", "exact"], ...(method?.b ? [["b", "B"]] : []), ...(stage.picture?.layers.kept ? [["kept", "kept"]] : [])];
+    for (const name of MODES.slice(1)) $(`mode-${name}`).hidden = !app.compares;
+    const others = [...(app.compares ? [["exact", "exact"]] : []), ...(method?.b ? [["b", "B"]] : []), ...(stage.picture?.layers.kept ? [["kept", "kept"]] : [])];
     choices($("wipe-with"), others);
     $("wipe-with").value = view.values.with;
+    $("wipe").disabled = !others.length;
     pressed($("wipe"), wipe);
     pressed($("auto"), !locked);
     pressed($("luminance"), luminance);

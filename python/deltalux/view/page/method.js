@@ -99,6 +99,7 @@ function showReadouts(stats) {
     const whole = a.relative_pending === null ? null : a.relative_pending + (a.relative_truncation ?? 0);
     told.push(["bound", `${percent(whole)} = ${percent(a.relative_pending)} not sent + ${percent(a.relative_truncation)} truncated`]);
   }
+  else if (a.pending !== undefined) told.push(["bound", `${readable(a.pending)} not sent + ${readable(a.truncation)} truncated`]);
   if (b) told.push(["B", `${readable(1000 * b.seconds)} ms · ${readable(b.columns)} columns · error ${percent(stats.error_b)}`]);
   if (stats.rate) told.push(["server", `${readable(stats.rate)} /s`]);
   const rows = told.map(([name, value]) => element("div", {}, element("dt", { textContent: name }), element("dd", { textContent: value })));

@@ -1,15 +1,15 @@
 // The last 300 frames, drawn: where their time went, and how far off they were.
 
 import { CHOOSE, KINDS, LATE, LIGHT, MULTIPLY, themed } from "./colours.js";
-import { $, element, readable } from "./dom.js";
+import { $, element, percent, readable } from "./dom.js";
 
 const FRAMES = 300;
 const TIMES = [["light", LIGHT], ["choose", CHOOSE], ["multiply", MULTIPLY]];
 const LINES = [
   ["error", KINDS[0], (stats) => stats.error],
   ["error B", KINDS[6], (stats) => stats.error_b],
-  ["not sent", KINDS[1], (stats) => stats.a.relative_pending],
-  ["truncated", KINDS[2], (stats) => stats.a.relative_truncation],
+  ["not sent", KINDS[1], ({ a }) => a.relative_pending ?? a.pending],
+  ["truncated", KINDS[2], ({ a }) => a.relative_truncation ?? a.truncation],
 ];
 const LEAST = 1e-6;
 const LEFT = 46;
@@ -18,8 +18,16 @@ const BOTTOM = 4;
 export function mountPlots(app) {
   const past = [];
   key($("plot-time-key"), [...TIMES, ["late", LATE]]);
-  key($("plot-error-key"), [...LINES.map(([name, colour]) => [name, colour]), ["reset", themed("--faint")]]);
-  app.on("welcome", () => past.splice(0));
+    const keyErrors = () => {
+    const lines = LINES.filter(([name]) => (app.compares || !name.startsWith("error")) && (name !== "error B" || app.shared.values.method?.b));
+    key($("plot-error-key"), [...lines, ["reset", themed("--faint")]]);
+  };
+  app.on("welcome", () => {
+    past.splice(0);
+    $("plot-error-title").textContent = app.compares ? "Error and bound" : "Bound";
+    keyErrors();
+  });
+  app.shared.on((keys) => keys.includes("method") && keyErrors());
   app.on("stats", (stats) => {
     if (!stats.a) return;
     past.push(stats);
@@ -103,7 +111,7 @@ function drawErrors(plot, past) {
   const high = Math.ceil(Math.log10(Math.max(1e-2, ...all)));
   const low = Math.min(high - 2, Math.floor(Math.log10(Math.min(1e-3, ...all))));
   const up = (value) => 6 + ((high - Math.log10(Math.max(value, 10 ** low))) * (height - BOTTOM - 8)) / (high - low);
-  for (let decade = low; decade <= high; decade += Math.ceil((high - low) / 5)) grid(plot, up(10 ** decade), `${readable(100 * 10 ** decade)} %`);
+  for (let decade = low; decade <= high; decade += Math.ceil((high - low) / 5)) grid(plot, up(10 ** decade), past.at(-1)?.a.relative_pending === undefined ? readable(10 ** decade) : percent(10 ** decade));
   past.forEach(({ a }, k) => {
     if (!a.resets?.length) return;
     pen.fillStyle = themed("--faint");
