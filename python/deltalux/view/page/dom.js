@@ -19,7 +19,11 @@ export function pressed(target, on) {
   target.setAttribute("aria-pressed", String(on));
 }
 
+/** What a select offers, in pairs of value and text; left alone where it offers that already. */
 export function choices(select, pairs) {
+  const text = JSON.stringify(pairs);
+  if (select.offered === text) return;
+  select.offered = text;
   select.replaceChildren(...pairs.map(([value, text]) => element("option", { value, textContent: text })));
 }
 

@@ -54,6 +54,9 @@ const app = {
   },
 };
 
+// As in style.css: below this width all but the picture and the strip is a drawer.
+const narrow = matchMedia("(max-width: 860px)");
+narrow.onchange = () => wake();
 let dirty = false;
 let awake = false;
 let before = 0;
@@ -122,7 +125,7 @@ function want() {
   if (!app.compares) return ask({ layers, maps: false, exposure, tone });
   if (["error", "ghosts", "difference"].includes(mode) || (wipe && other === "exact") || probed) layers.push("exact");
   if (mode === "bound" || probed) layers.push("bound");
-  const maps = Boolean(app.welcome.columns?.size) && $("graphs").offsetParent !== null;
+  const maps = Boolean(app.welcome.columns?.size) && (!narrow.matches || document.body.classList.contains("open"));
   ask({ layers, maps, exposure, tone });
 }
 
@@ -192,6 +195,7 @@ async function frame(header, parts, bytes) {
   if (header.stats) {
     app.stats = header.stats;
     app.tell("stats", header.stats);
+    if (header.stats.rate) $("rate").title = `Frames a second, as shown here; ${header.stats.rate.toFixed(1)} made by the server`;
   }
   const now = performance.now();
   shownAt.push(now);

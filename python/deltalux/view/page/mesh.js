@@ -2,7 +2,7 @@
 
 import { add, clip, dot, frame, product } from "./geometry.js";
 import { put } from "./layers.js";
-import { program, setShading, SHADING } from "./shading.js";
+import { Programs } from "./shading.js";
 
 const LAYERS = ["a", "b", "exact", "bound"];
 
@@ -16,10 +16,13 @@ const FRAGMENT = `
 in vec3 va, vb, ve, vbound;
 uniform float width;
 out vec4 colour;
-${SHADING}
 void main() {
-  bool right = other != 0 && gl_FragCoord.x >= wipe * width;
-  vec3 shown = right && other == 1 && mode == 0 ? ve : right && other == 2 ? vb : va;
+  vec3 shown = va;
+#if OTHER == 1 && MODE == 0
+  if (gl_FragCoord.x >= wipe * width) shown = ve;
+#elif OTHER == 2
+  if (gl_FragCoord.x >= wipe * width) shown = vb;
+#endif
   colour = vec4(shade(shown, ve, vbound, gl_FragCoord.xy), 1.0);
 }`;
 
@@ -29,7 +32,7 @@ export class Mesh {
     this.size = [width, height];
     this.layers = {};
     this.buffers = {};
-    this.program = program(gl, VERTEX, FRAGMENT, ["position", ...LAYERS]);
+    this.programs = new Programs(gl, VERTEX, FRAGMENT, ["position", ...LAYERS]);
   }
 
   /** The mesh itself: positions (v, 3) and triangles (t, 3). */
@@ -94,11 +97,10 @@ export class Mesh {
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     if (!this.array) return;
     gl.enable(gl.DEPTH_TEST);
-    gl.useProgram(this.program.made);
-    setShading(gl, this.program, view);
-    gl.uniform1f(this.program.at("width"), width);
+    const at = this.programs.use(view);
+    gl.uniform1f(at("width"), width);
     const far = Math.hypot(...add(this.middle, camera.position, -1)) + 1.01 * this.radius;
-    gl.uniformMatrix4fv(this.program.at("clip"), false, clip(camera, width / height, far / 4000, far));
+    gl.uniformMatrix4fv(at("clip"), false, clip(camera, width / height, far / 4000, far));
     gl.bindVertexArray(this.array);
     gl.drawElements(gl.TRIANGLES, this.corners, gl.UNSIGNED_INT, 0);
     gl.bindVertexArray(null);

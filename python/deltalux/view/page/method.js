@@ -101,7 +101,6 @@ function showReadouts(stats) {
   }
   else if (a.pending !== undefined) told.push(["bound", `${readable(a.pending)} not sent + ${readable(a.truncation)} truncated`]);
   if (b) told.push(["B", `${readable(1000 * b.seconds)} ms · ${readable(b.columns)} columns · error ${percent(stats.error_b)}`]);
-  if (stats.rate) told.push(["server", `${readable(stats.rate)} /s`]);
   const rows = told.map(([name, value]) => element("div", {}, element("dt", { textContent: name }), element("dd", { textContent: value })));
   $("readouts").replaceChildren(...rows);
 }

@@ -1,7 +1,7 @@
 // Pictures: each layer is a texture of half floats, of which only the rows that changed are sent to the card.
 
 import { floats, put, valueAt } from "./layers.js";
-import { program, setShading, SHADING } from "./shading.js";
+import { Programs } from "./shading.js";
 
 const NAMES = ["a", "b", "exact", "bound", "kept"];
 
@@ -11,21 +11,32 @@ void main() { gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2
 const FRAGMENT = `
 uniform sampler2D a, b, exact, bound, kept;
 uniform ivec2 size;
-uniform bool displayed;
 out vec4 colour;
-${SHADING}
 void main() {
   ivec2 p = ivec2(int(gl_FragCoord.x), size.y - 1 - int(gl_FragCoord.y));
-  bool right = other != 0 && gl_FragCoord.x >= wipe * float(size.x);
   vec3 shown = texelFetch(a, p, 0).rgb;
-  if (right && other == 1 && (mode == 0)) shown = texelFetch(exact, p, 0).rgb;
-  if (right && other == 2) shown = texelFetch(b, p, 0).rgb;
-  if (right && other == 3) shown = texelFetch(kept, p, 0).rgb;
-  // A JPEG comes as the display shows it.
-  if (displayed && mode == 0) { colour = vec4(shown, 1.0); return; }
-  vec3 truth = mode == 1 || mode == 2 || mode == 4 ? texelFetch(exact, p, 0).rgb : vec3(0.0);
-  vec3 most = mode == 3 ? texelFetch(bound, p, 0).rgb : vec3(0.0);
+#if OTHER
+  if (gl_FragCoord.x >= wipe * float(size.x)) {
+#if OTHER == 1 && MODE == 0
+    shown = texelFetch(exact, p, 0).rgb;
+#elif OTHER == 2
+    shown = texelFetch(b, p, 0).rgb;
+#elif OTHER == 3
+    shown = texelFetch(kept, p, 0).rgb;
+#endif
+  }
+#endif
+  vec3 truth = vec3(0.0), most = vec3(0.0);
+#if MODE == 1 || MODE == 2 || MODE == 4
+  truth = texelFetch(exact, p, 0).rgb;
+#elif MODE == 3
+  most = texelFetch(bound, p, 0).rgb;
+#endif
+#if DISPLAYED && MODE == 0
+  colour = vec4(shown, 1.0);
+#else
   colour = vec4(shade(shown, truth, most, gl_FragCoord.xy), 1.0);
+#endif
 }`;
 
 export class Picture {
@@ -34,7 +45,7 @@ export class Picture {
     this.size = [width, height];
     this.layers = {};
     this.displayed = false;
-    this.program = program(gl, VERTEX, FRAGMENT);
+    this.programs = new Programs(gl, VERTEX, FRAGMENT);
     this.textures = {};
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
   }
@@ -81,14 +92,12 @@ export class Picture {
     const { gl } = this;
     gl.viewport(0, 0, ...this.size);
     gl.disable(gl.DEPTH_TEST);
-    gl.useProgram(this.program.made);
-    setShading(gl, this.program, view);
-    gl.uniform2i(this.program.at("size"), ...this.size);
-    gl.uniform1i(this.program.at("displayed"), this.displayed);
+    const at = this.programs.use(view, this.displayed);
+    gl.uniform2i(at("size"), ...this.size);
     NAMES.forEach((name, unit) => {
       gl.activeTexture(gl.TEXTURE0 + unit);
       gl.bindTexture(gl.TEXTURE_2D, this.textures[name]?.texture ?? null);
-      gl.uniform1i(this.program.at(name), unit);
+      gl.uniform1i(at(name), unit);
     });
     gl.activeTexture(gl.TEXTURE0);
     gl.drawArrays(gl.TRIANGLES, 0, 3);

@@ -24,7 +24,7 @@ export function mountPlots(app) {
   };
   app.on("welcome", () => {
     past.splice(0);
-    $("plot-error-title").textContent = app.compares ? "Error and bound" : "Bound";
+    $("plot-error-title").textContent = app.compares ? "Error, bound" : "Bound";
     keyErrors();
   });
   app.shared.on((keys) => keys.includes("method") && keyErrors());

@@ -5,19 +5,17 @@ import { SIGNS, SIZES } from "./colours.js";
 export const MODES = ["beauty", "error", "ghosts", "bound", "difference"];
 export const TONES = ["srgb", "agx", "raw"];
 export const OTHERS = ["none", "exact", "b", "kept"];
-// Maps of error and bound show this many decades below full scale; ghosts are linear.
+// Maps of error and bound show this many decades below full scale; ghosts are linear, up to this share of it.
 export const DECADES = 3;
+export const GHOSTS = 0.1;
 // False colours of luminance: stops about middle grey.
 export const STOPS = 6;
 
 const ramp = (colours) => `vec3[8](${colours.map((c) => `vec3(${c.map((v) => v.toFixed(3))})`).join(", ")})`;
 
-export const SHADING = `
-uniform int mode, tone, other;
+// Each way of showing is a program of its own: software that draws evaluates all sides of a branch.
+const SHADING = `
 uniform float gain, full, wipe;
-uniform bool luminance, zebra;
-const vec3 SIZES[8] = ${ramp(SIZES)};
-const vec3 SIGNS[8] = ${ramp(SIGNS)};
 const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
 
 // AgX as in images/tone.py: colours drawn together, a sigmoid of their logarithms, drawn apart again.
@@ -51,47 +49,78 @@ float decades(float share) { return 1.0 + log2(max(share / full, 1e-9)) / (3.321
 vec3 shade(vec3 shown, vec3 exact, vec3 bound, vec2 pixel) {
   if (any(isnan(shown))) shown = vec3(0.0);
   vec3 apart = (shown - exact) * gain;
-  if (mode == 1) return along(SIZES, decades(max(abs(apart.r), max(abs(apart.g), abs(apart.b)))));
-  if (mode == 2) return along(SIGNS, 0.5 + 0.5 * dot(apart, LUMINANCE) / full);
-  if (mode == 3) { vec3 b = bound * gain; return along(SIZES, decades(max(b.r, max(b.g, b.b)))); }
-  vec3 light = mode == 4 ? 64.0 * abs(apart) : shown * gain;
-  if (luminance) return along(SIZES, 0.5 + log2(max(dot(light, LUMINANCE), 1e-9) / 0.18) / ${2 * STOPS}.0);
-  vec3 colour = tone == 1 ? agx(light) : tone == 2 ? light : srgb(light);
-  colour = clamp(colour, 0.0, 1.0);
+#if MODE == 1
+  return along(${ramp(SIZES)}, decades(max(abs(apart.r), max(abs(apart.g), abs(apart.b)))));
+#elif MODE == 2
+  return along(${ramp(SIGNS)}, 0.5 + 0.5 * dot(apart, LUMINANCE) / (${GHOSTS} * full));
+#elif MODE == 3
+  vec3 most = bound * gain;
+  return along(${ramp(SIZES)}, decades(max(most.r, max(most.g, most.b))));
+#else
+#if MODE == 4
+  vec3 light = 64.0 * abs(apart);
+#else
+  vec3 light = shown * gain;
+#endif
+#if FALSE_COLOUR
+  return along(${ramp(SIZES)}, 0.5 + log2(max(dot(light, LUMINANCE), 1e-9) / 0.18) / ${2 * STOPS}.0);
+#endif
+#if TONE == 1
+  vec3 colour = clamp(agx(light), 0.0, 1.0);
+#elif TONE == 2
+  vec3 colour = clamp(light, 0.0, 1.0);
+#else
+  vec3 colour = srgb(light);
+#endif
+#if ZEBRA
   bool clips = any(greaterThanEqual(colour, vec3(254.5 / 255.0)));
-  if (zebra && clips && mod(pixel.x + pixel.y, 8.0) < 4.0) return 0.25 * colour;
+  if (clips && mod(pixel.x + pixel.y, 8.0) < 4.0) return 0.25 * colour;
+#endif
   return colour;
+#endif
 }
 `;
 
-const shader = (gl, kind, text) => {
+function shader(gl, kind, text) {
   const made = gl.createShader(kind);
   gl.shaderSource(made, `#version 300 es\nprecision highp float;\nprecision highp int;\n${text}`);
   gl.compileShader(made);
   if (!gl.getShaderParameter(made, gl.COMPILE_STATUS) && !gl.isContextLost()) throw new Error(gl.getShaderInfoLog(made));
   return made;
-};
-
-/** A program and where its uniforms are. */
-export function program(gl, vertex, fragment, attributes = []) {
-  const made = gl.createProgram();
-  gl.attachShader(made, shader(gl, gl.VERTEX_SHADER, vertex));
-  gl.attachShader(made, shader(gl, gl.FRAGMENT_SHADER, fragment));
-  attributes.forEach((name, place) => gl.bindAttribLocation(made, place, name));
-  gl.linkProgram(made);
-  if (!gl.getProgramParameter(made, gl.LINK_STATUS) && !gl.isContextLost()) throw new Error(gl.getProgramInfoLog(made));
-  const places = {};
-  return { made, at: (name) => (places[name] ??= gl.getUniformLocation(made, name)) };
 }
 
-/** Sets what both programs share, of how the view wants it. */
-export function setShading(gl, { at }, view) {
-  gl.uniform1i(at("mode"), MODES.indexOf(view.mode));
-  gl.uniform1i(at("tone"), TONES.indexOf(view.tone));
-  gl.uniform1i(at("other"), view.wipe ? OTHERS.indexOf(view.with) : 0);
-  gl.uniform1f(at("gain"), 2 ** view.exposure);
-  gl.uniform1f(at("full"), view.full);
-  gl.uniform1f(at("wipe"), view.at);
-  gl.uniform1i(at("luminance"), view.luminance);
-  gl.uniform1i(at("zebra"), view.zebra);
+/** The programs of one kind of drawing, each made when it is first asked for. */
+export class Programs {
+  constructor(gl, vertex, fragment, attributes = []) {
+    Object.assign(this, { gl, vertex, fragment, attributes, made: new Map() });
+  }
+
+  /** Starts drawing as the view wants it; where uniforms are, by name. */
+  use(view, displayed = false) {
+    const { gl } = this;
+    const numbers = {
+      MODE: MODES.indexOf(view.mode), TONE: TONES.indexOf(view.tone), OTHER: view.wipe ? OTHERS.indexOf(view.with) : 0,
+      FALSE_COLOUR: Number(view.luminance), ZEBRA: Number(view.zebra), DISPLAYED: Number(displayed),
+    };
+    const defines = Object.entries(numbers).map(([name, value]) => `#define ${name} ${value}\n`).join("");
+    if (!this.made.has(defines)) this.made.set(defines, this.make(defines));
+    const { program, places } = this.made.get(defines);
+    gl.useProgram(program);
+    const at = (name) => (places[name] ??= gl.getUniformLocation(program, name));
+    gl.uniform1f(at("gain"), 2 ** view.exposure);
+    gl.uniform1f(at("full"), view.full);
+    gl.uniform1f(at("wipe"), view.at);
+    return at;
+  }
+
+  make(defines) {
+    const { gl } = this;
+    const program = gl.createProgram();
+    gl.attachShader(program, shader(gl, gl.VERTEX_SHADER, this.vertex));
+    gl.attachShader(program, shader(gl, gl.FRAGMENT_SHADER, defines + SHADING + this.fragment));
+    this.attributes.forEach((name, place) => gl.bindAttribLocation(program, place, name));
+    gl.linkProgram(program);
+    if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost()) throw new Error(gl.getProgramInfoLog(program));
+    return { program, places: {} };
+  }
 }

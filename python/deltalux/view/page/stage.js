@@ -6,7 +6,7 @@ import { along, SIGNS, SIZES } from "./colours.js";
 import { floats } from "./layers.js";
 import { Mesh, nearer, orbited, panned } from "./mesh.js";
 import { Picture } from "./picture.js";
-import { DECADES, STOPS } from "./shading.js";
+import { DECADES, GHOSTS, STOPS } from "./shading.js";
 
 const CLICK = 4;
 const PIXELATED = 2.5;
@@ -279,7 +279,7 @@ export class Stage {
     const [title, ramp, ticks] = {
       error: ["Error |a − exact|, of white", SIZES, logarithmic],
       bound: ["Bound of the error, of white", SIZES, logarithmic],
-      ghosts: ["a − exact, of white: too dark, too bright", SIGNS, [percent(-full), "0", `+${percent(full)}`]],
+      ghosts: ["a − exact, of white", SIGNS, [`${percent(-GHOSTS * full)} too dark`, `+${percent(GHOSTS * full)} too bright`]],
       difference: ["64 |a − exact|, as a picture", null, []],
       beauty: luminance ? ["Luminance, stops about middle grey", SIZES, [-STOPS, -STOPS / 2, 0, `+${STOPS / 2}`, `+${STOPS}`]] : ["", null, []],
     }[mode];

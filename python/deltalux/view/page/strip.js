@@ -14,7 +14,7 @@ const MIDDLE = 0.18;
 
 export function mountStrip(app) {
   const strip = $("strip");
-  const brush = { on: false, radius: 6, stops: 2, points: [], group: null };
+  const brush = { on: false, radius: 6, stops: 2, points: [], group: null, last: null };
 
   const rotate = slider("rotate", "Turn", { low: 0, high: 360, step: 1, unit: "°" }, (value) => {
     const group = activeEnvironment(app);
@@ -48,7 +48,7 @@ export function mountStrip(app) {
       else turnBy(about(now[0] - before[0]));
       before = now;
     },
-    up: () => (brush.group = null),
+    up: () => (brush.group = brush.last = null),
   });
   strip.addEventListener("wheel", (event) => {
     event.preventDefault();
@@ -83,7 +83,14 @@ export function mountStrip(app) {
     if (!brush.group) return;
     const [azimuth, elevation] = at(event);
     if (!brush.points.length) app.before(() => sendDabs());
-    brush.points.push([((azimuth % 360) + 360) % 360, elevation]);
+    // Dabs no further apart than half the brush, whatever the pointer skipped.
+    const [x, y] = brush.last ?? [azimuth, elevation];
+    const count = Math.max(1, Math.ceil(Math.hypot(azimuth - x, elevation - y) / (0.5 * brush.radius)));
+    for (let k = 1; k <= count; k++) {
+      const along = k / count;
+      brush.points.push([(x + (azimuth - x) * along + 360) % 360, y + (elevation - y) * along]);
+    }
+    brush.last = [azimuth, elevation];
   }
 
   function sendDabs() {
