@@ -29,6 +29,7 @@ from .transport.transport import Transport
 from .update.approximation import Approximation, Update
 from .update.choice import Choice, State
 from .update.methods import Full, HarmonicOrder, Incremental, Linear, Method, Nonlinear, PerBand
+from .viewer import View, view
 
 __all__ = [
     "Approximation",
@@ -67,6 +68,7 @@ __all__ = [
     "StudioTransport",
     "Transport",
     "Update",
+    "View",
     "__version__",
     "compare",
     "plan",
@@ -76,5 +78,6 @@ __all__ = [
     "sequences",
     "set_threads",
     "threads",
+    "view",
     "write",
 ]

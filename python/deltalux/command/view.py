@@ -9,12 +9,14 @@ import webbrowser
 from pathlib import Path
 from typing import Any
 
+from ..precomputation.room import check_folder_of
+from ..scene.builtin.catalogue import SCENES
+from ..scene.scene import Scene
 from ..transport.transport import Transport
-from ..update.methods import PerBand
-from ..viewer.handle import View, lights_of
-from ..viewer.relit import Relit
-from ..viewer.requests import opened, read_session
-from .arguments import add_command, add_light, environment_of, say
+from ..viewer.handle import View, lights_of, opened, subject_of
+from ..viewer.preview import small
+from ..viewer.requests import read_session, resume
+from .arguments import add_command, add_light, environment_of, read_size, read_view, say, scene_of
 from .own import OWN, read_own
 
 _LIGHTS = (".hdr", ".exr", ".pic")
@@ -23,8 +25,19 @@ _LIGHTS = (".hdr", ".exr", ".pic")
 def add(commands: Any) -> None:
     """The command and its arguments."""
     command = add_command(commands, "view", _view, "a transport in the browser, under a light that is moved by hand")
-    command.add_argument("transport", metavar="TRANSPORT")
-    add_light(command, several=True, default="hall")
+    command.add_argument(
+        "transport", metavar="TRANSPORT|SCENE", help="of a scene a small picture is there in seconds, and grows finer"
+    )
+    command.add_argument("--size", type=read_size, metavar="WxH", help="of a scene; default: its own camera's")
+    command.add_argument(
+        "--camera",
+        type=read_view,
+        metavar="PX,PY,PZ:TX,TY,TZ[:FOV]|NAME",
+        help="of a scene: position, target, degrees; or a camera of the file",
+    )
+    command.add_argument("--up", choices=("y", "z"), default="y", help="of a scene; default: %(default)s")
+    command.add_argument("-o", "--output", metavar="FILE", help="where the finest transport of a scene goes")
+    add_light(command, several=True, default="hall, and all that are built in to choose from")
     command.add_argument("--session", metavar="FILE", help="what an earlier view has saved")
     command.add_argument(
         "--method", type=read_own, action="append", default=[], metavar=OWN, help="a method of your own to choose"
@@ -46,15 +59,35 @@ def _view(chosen: argparse.Namespace) -> None:
     given = {path: environment_of(path, chosen) for path in paths}
     lights = lights_of(list(given.values()), {env.name: path for path, env in given.items()})
     own = {one.__name__.lower(): one for one in chosen.method}
-    subject = Relit(Transport.open(chosen.transport), lights, PerBand(terms=30), own, chosen.transport)
+    scene = _scene(chosen)
+    transport = opened(chosen.transport) if scene is None else small(scene, progress=True)
+    if (given or own) and not isinstance(transport, Transport):
+        raise ValueError("expected --env and --method with a transport whose light moves: here materials and lamps do")
+    subject = subject_of(transport, lights, None, own, chosen.transport)
     with View(subject, Path(chosen.transport).name, host=chosen.host, port=chosen.port) as view:
+        if scene is not None:
+            view.refine(scene, None if chosen.output is None else Path(chosen.output))
         if session is not None:
-            opened(view._stage, session)
+            resume(view._stage, session)
         say(view.url)
         say("The view is open; Ctrl-C ends it.")
         if not chosen.no_browser:
             webbrowser.open(view.url)
         threading.Event().wait()
+
+
+def _scene(chosen: argparse.Namespace) -> Scene | None:
+    """The scene that was given; None of a transport."""
+    path = Path(chosen.transport)
+    if path.is_dir() or (path.suffix == "" and not path.exists() and chosen.transport not in SCENES):
+        for option in ("size", "camera", "output"):
+            if getattr(chosen, option) is not None:
+                raise ValueError(f"expected --{option} with a scene only")
+        return None
+    if chosen.output is not None:
+        check_folder_of(Path(chosen.output))
+    chosen.scene = chosen.transport
+    return scene_of(chosen)
 
 
 def _paths(given: list[str]) -> list[str]:

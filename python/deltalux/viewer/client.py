@@ -245,16 +245,16 @@ class Client:
         return parts
 
     def _beside(self, shot: Shot) -> tuple[dict[str, Any], list[Part]] | None:
-        """The light, as a strip and over the cubemap."""
+        """The light over the cubemap, and as a strip."""
         subject = self._stage.subject
+        maps = subject.maps(shot) if self._maps else {}
+        if maps:
+            parts: list[Part] = [
+                ({"name": name, "type": "f16", "size": own.shape[1]}, halves(own)) for name, own in maps.items()
+            ]
+            self.answer({"kind": "maps"}, parts)
         strip = subject.strip()
-        parts: list[Part] = []
-        if strip is not None:
-            parts.append(({"name": "strip", "type": "f16"}, halves(strip)))
-        if self._maps:
-            maps = subject.maps(shot)
-            parts += [({"name": name, "type": "f16", "size": own.shape[1]}, halves(own)) for name, own in maps.items()]
-        return ({"kind": "maps"}, parts) if parts else None
+        return None if strip is None else ({"kind": "strip"}, [({"name": "strip", "type": "f16"}, halves(strip))])
 
     def _at_rest(self, shot: Shot) -> tuple[dict[str, Any], list[Part]] | None:
         """The picture as it is, once nothing moves."""

@@ -20,22 +20,30 @@ from ..light.environment import Environment
 from ..light.skies import BUILTIN
 from ..mistakes import instead_of
 from ..relight.relighter import Frame
+from ..scene.scene import Scene
+from ..transport.curves import FOLDER as CURVES
+from ..transport.curves import CurveTransport
+from ..transport.studio import FOLDER as STUDIO
+from ..transport.studio import StudioTransport
 from ..transport.transport import Transport
 from ..update.methods import Method, PerBand
+from .curved import Curved
 from .lights import Group, Lights
+from .preview import Refinement, small
 from .relit import Relit
 from .requests import Requests
 from .server import DEFAULT_PORT, Server
 from .stage import Stage
+from .staged import Staged
 from .subject import Subject
 
-__all__ = ["View", "lights_of", "view"]
+__all__ = ["View", "lights_of", "opened", "subject_of", "view"]
 
 _THUMB = (32, 64)
 
 
 def view(
-    transport: Transport | str | os.PathLike[str],
+    transport: Transport | CurveTransport | StudioTransport | Scene | str | os.PathLike[str],
     env: Environment | Sequence[Environment] | None = None,
     *,
     method: Method | None = None,
@@ -51,12 +59,14 @@ def view(
     Parameters
     ----------
     transport
-        Of pixels or of vertices, or its path.
+        Of pixels or of vertices, whose light moves; of curves or of a studio, whose materials and lamps do; or the path
+        of one. Or a scene: a small transport of it is made in seconds and shown, and finer ones in its place while one
+        plays.
     env
         The light to begin with, or several to choose from, of which the first is shown; the built-in ones are always
         there. None: the built-in hall.
     method
-        How the light is followed; None: `PerBand` of 30 terms.
+        How what moves is followed; None: `PerBand` of 30 terms, and for curves and studios what they do by themselves.
     own
         Methods of one's own, as classes, to choose from besides.
     port
@@ -76,26 +86,47 @@ def view(
     ModuleNotFoundError
         If the package `websockets` is not installed (``pip install 'deltalux[view]'``).
     """
-    if isinstance(transport, (str, os.PathLike)):
-        transport = Transport(transport)
-    if not isinstance(transport, Transport):
-        raise instead_of("Transport", transport)
+    scene = transport if isinstance(transport, Scene) else None
+    found = opened(transport) if isinstance(transport, (str, os.PathLike)) else transport
     given = [] if env is None else [env] if isinstance(env, Environment) else list(env)
     for one in given:
         if not isinstance(one, Environment):
             raise instead_of("Environment", one)
-    name = str(transport._path or "scene.transport")
-    subject = Relit(
-        transport,
-        lights_of(given, {}),
-        PerBand(terms=30) if method is None else method,
-        {one.__name__.lower(): one for one in own},
-        name,
-    )
-    shown = View(subject, Path(name).name, port=port)
+    if given and not isinstance(found, (Transport, Scene)):
+        raise ValueError("expected env= with a transport whose light moves: here materials and lamps do")
+    lights, methods = lights_of(given, {}), {one.__name__.lower(): one for one in own}
+    seen = small(found, progress=True) if isinstance(found, Scene) else found
+    subject = subject_of(seen, lights, method, methods, None)
+    shown = View(subject, Path(subject.name).name if scene is None else scene.name, port=port)
+    if scene is not None:
+        shown.refine(scene)
     if browser:
         webbrowser.open(shown.url)
     return shown
+
+
+Shown = Transport | CurveTransport | StudioTransport
+
+
+def opened(path: str | os.PathLike[str]) -> Shown:
+    """Whatever of the three a directory holds."""
+    if (Path(path) / CURVES.manifest).exists():
+        return CurveTransport.open(path)
+    return StudioTransport.open(path) if (Path(path) / STUDIO.manifest).exists() else Transport(path)
+
+
+def subject_of(
+    transport: Shown, lights: Lights, method: Method | None, own: Mapping[str, type[Method]], name: str | None
+) -> Relit | Curved | Staged:
+    """A transport as a view shows it; `name` is what programs call it by."""
+    if isinstance(transport, CurveTransport):
+        return Curved(transport, "auto" if method is None else method, name or str(transport.path))
+    if isinstance(transport, StudioTransport):
+        return Staged(transport, method, name or str(transport.path))
+    if not isinstance(transport, Transport):
+        raise instead_of("Transport", transport)
+    followed = PerBand(terms=30) if method is None else method
+    return Relit(transport, lights, followed, own, name or str(transport._path or "scene.transport"))
 
 
 def lights_of(given: Sequence[Environment], paths: Mapping[str, str]) -> Lights:
@@ -118,16 +149,35 @@ class View:
 
     It may be used from the program that made it while others look at it in a browser.
 
+    Parameters
+    ----------
+    subject
+        What is shown.
+    title
+        Of the page.
+    host
+        Where it listens: this machine's own address, unless others are to reach it.
+    port
+        None: 8765, or another where that is taken.
+
     Attributes
     ----------
     url
         The address, with the token that lets a page in.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If the package `websockets` is not installed.
+    OSError
+        If the port is taken.
     """
 
     def __init__(self, subject: Subject, title: str, *, host: str = "127.0.0.1", port: int | None = None) -> None:
         self._title = title
         self._stage = Stage(subject)
         self._closing = threading.Lock()
+        self._refinement: Refinement | None = None
         self._thumbs: dict[str, str] = {}
         requests = Requests(self._stage, lambda words: self._server.say(words))
         try:
@@ -207,9 +257,38 @@ class View:
         picture = self._stage.subject.picture(self._stage.fresh())
         write(path, picture, exposure=auto_exposure(picture) if exposure is None else exposure, tone=tone)
 
+    def refine(self, scene: Scene, output: Path | None = None) -> None:
+        """Shows finer transports of the scene, one after the other, as they are made.
+
+        Parameters
+        ----------
+        scene
+            That is shown.
+        output
+            Where the finest one goes; None: it goes with the view.
+
+        Raises
+        ------
+        ValueError
+            If a material is measured.
+        """
+
+        def made(transport: Transport) -> None:
+            relit = self._relit
+            self._stage.replace(relit.finer(transport, str(transport._path)))
+            self._server.say({"progress": None})
+
+        def progress(what: str, share: float) -> None:
+            self._server.say({"progress": {"what": what, "share": share}})
+
+        self._refinement = Refinement(scene, output, made, progress)
+
     def close(self) -> None:
         """Ends the view: pages are told, and the port is free. Closing it again does nothing."""
         with self._closing:
+            if self._refinement is not None:
+                self._refinement.end()
+                self._refinement = None
             if not self._stage.ended:
                 self._stage.end()
                 self._server.end()

@@ -177,6 +177,14 @@ class Relit(Subject):
         with self._lock:
             self._asked = replace(self._asked, lights=lights, at=time.monotonic())
 
+    def finer(self, transport: Transport, name: str) -> Relit:
+        """Another transport of the same scene, under all that is set."""
+        asked = self._asked
+        other = Relit(transport, asked.lights, asked.a.method, {}, name)
+        other.methods = self.methods
+        other._asked = replace(asked, camera=other._asked.camera and asked.camera)
+        return other
+
     @property
     def method(self) -> Method:
         """The one that is seen first."""

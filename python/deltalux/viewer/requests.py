@@ -19,7 +19,7 @@ from .relit import Relit
 from .stage import Stage
 from .subject import halves
 
-__all__ = ["SESSION", "Requests", "read_session", "session_of"]
+__all__ = ["SESSION", "Requests", "read_session", "resume", "session_of"]
 
 SESSION = "deltalux view 1"
 _MEDIA = {"png": "image/png", "exr": "image/x-exr", "session": "application/json"}
@@ -98,7 +98,7 @@ class Requests:
         client.answer({"kind": "file", "name": name, "media": _MEDIA[kind]}, [({"name": "file"}, data)])
 
     def _open(self, client: Client, value: Any) -> None:
-        state, view = opened(self._stage, value)
+        state, view = resume(self._stage, value)
         client.say({"view": view})
         self._tell({"state": state, "by": 0})
 
@@ -137,7 +137,7 @@ def read_session(path: Path) -> dict[str, Any]:
     return found
 
 
-def opened(stage: Stage, value: Any) -> tuple[dict[str, Any], dict[str, Any]]:
+def resume(stage: Stage, value: Any) -> tuple[dict[str, Any], dict[str, Any]]:
     """Sets all that a session holds; gives back the state, and what the page kept in it."""
     found = _object(value)
     if found.get("format") != SESSION:

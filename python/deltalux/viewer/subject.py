@@ -59,6 +59,8 @@ class Subject(ABC):
     """A transport under a light or materials that move. `take` comes from any thread, `step` from one."""
 
     kind: str
+    name: str
+    """What programs and commands call the transport by: its path."""
 
     @abstractmethod
     def about(self) -> dict[str, Any]:
