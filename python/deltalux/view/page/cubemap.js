@@ -62,7 +62,7 @@ export function mountCubemap(app) {
 
   function title() {
     const close = element("button", { id: "forget", type: "button", textContent: "×", title: "Back to the light (Escape)", ariaLabel: "Back to the light", onclick: () => app.forget() });
-    $("asked-title").replaceChildren(...(row ? [`What lights (${row.x}, ${row.y}) `, close] : ["Asked"]));
+    $("asked-title").replaceChildren(...(row ? [close, ` Lights (${row.x}, ${row.y})`] : ["Asked"]));
   }
 
   function drawLeft() {

@@ -10,6 +10,9 @@ export const normalized = (a) => {
   return a.map((value) => value / length);
 };
 
+/** An azimuth from 0 to 360. */
+export const wrapped = (degrees) => ((degrees % 360) + 360) % 360;
+
 export function direction(azimuth, elevation) {
   const level = Math.cos(elevation * RADIANS);
   return [level * Math.sin(azimuth * RADIANS), Math.sin(elevation * RADIANS), -level * Math.cos(azimuth * RADIANS)];
@@ -35,8 +38,7 @@ export function product(a, b) {
 
 /** The azimuth by which a turn turns about the vertical, 0 to 360: its twist about Y. */
 export function azimuthOf(turn) {
-  const degrees = (-2 * Math.atan2(turn[1], turn[3])) / RADIANS;
-  return ((degrees % 360) + 360) % 360;
+  return wrapped((-2 * Math.atan2(turn[1], turn[3])) / RADIANS);
 }
 
 /** The turn between two, at share t. */

@@ -12,7 +12,6 @@ export function mountLamps(app, stage) {
   const lamps = () => app.shared.values.lamps ?? [];
   const put = (list) => app.shared.set({ lamps: list });
   const change = (id, changes) => put(lamps().map((lamp) => (lamp.id === id ? { ...lamp, ...changes } : lamp)));
-  const aspect = () => stage.size[0] / stage.size[1];
 
   app.on("welcome", () => {
     $("studio-lamps").hidden = !app.shared.values.lamps;
@@ -88,7 +87,7 @@ export function mountLamps(app, stage) {
     }
     for (const { key, lamp, name } of points) {
       if (!handles.has(key)) handles.set(key, makeHandle(key, lamp.id, name));
-      const at = seen(stage.camera, aspect(), lamp[name]);
+      const at = seen(stage.camera, stage.aspect, lamp[name]);
       const { element: handle } = handles.get(key);
       handle.hidden = !at;
       if (!at) continue;
@@ -104,13 +103,13 @@ export function mountLamps(app, stage) {
     });
     const move = (dx, dy, alt) => {
       const point = lamps().find((lamp) => lamp.id === id)[name];
-      const { depth } = seen(stage.camera, aspect(), point);
+      const { depth } = seen(stage.camera, stage.aspect, point);
       const away = add(point, stage.camera.position, -1);
       // With Alt, along the line of sight, so that it stays where it is seen.
-      const moved = alt ? add(stage.camera.position, away, Math.max(0.05, 1 - 2 * dy)) : add(point, dragged(stage.camera, aspect(), depth, dx, dy));
+      const moved = alt ? add(stage.camera.position, away, Math.max(0.05, 1 - 2 * dy)) : add(point, dragged(stage.camera, stage.aspect, depth, dx, dy));
       change(id, { [name]: moved });
     };
-    drags(handle, { move: (dx, dy, event) => move(dx / (stage.size[0] * stage.scale), dy / (stage.size[1] * stage.scale), event.altKey) });
+    drags(handle, { move: (dx, dy, event) => move(...stage.shares(dx, dy), event.altKey) });
     handle.onkeydown = (event) => {
       const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
       if (!way) return;

@@ -6,7 +6,7 @@
 
 import { mountCubemap } from "./cubemap.js";
 import { Connection } from "./connection.js";
-import { $, choices, element, pressed, slider } from "./dom.js";
+import { $, element } from "./dom.js";
 import { mountKeys } from "./keys.js";
 import { mountLamps } from "./lamps.js";
 import { numbers } from "./layers.js";
@@ -14,8 +14,9 @@ import { mountLight } from "./light.js";
 import { mountMaterials } from "./materials.js";
 import { mountMethod } from "./method.js";
 import { mountOut } from "./out.js";
-import { drawHistogram, mountPlots } from "./plots.js";
-import { MODES } from "./shading.js";
+import { mountPlots } from "./plots.js";
+import { mountPointing } from "./pointing.js";
+import { mountShowing } from "./showing.js";
 import { Stage } from "./stage.js";
 import { History, pick, Store } from "./state.js";
 import { mountStrip } from "./strip.js";
@@ -74,9 +75,16 @@ app.shared.on((keys, from) => {
 });
 app.view.on(() => wake());
 const stage = new Stage(app);
-const rooms = [mountMethod, mountLight, mountStrip, mountMaterials, mountLamps, mountCubemap, mountPlots, mountTimeline, mountOut, mountKeys];
+const rooms = [
+  mountShowing, mountPointing, mountMethod, mountLight, mountStrip, mountMaterials, mountLamps, mountCubemap, mountPlots,
+  mountTimeline, mountOut, mountKeys,
+];
 for (const mount of rooms) mount(app, stage);
-mountView();
+$("drawer").onclick = () => {
+  const open = document.body.classList.toggle("open");
+  $("drawer").setAttribute("aria-expanded", String(open));
+  wake();
+};
 const connection = new Connection({ text, binary, lost, refused });
 
 // What goes on in a frame of the display
@@ -210,8 +218,8 @@ function told() {
   const now = performance.now();
   if (now - toldAt < 100) return;
   toldAt = now;
-  if (app.view.values.probed) $("probe").textContent = stage.probeText();
-  drawHistogram($("histogram"), stage.luminances(4000), app.view.values.exposure);
+  if (app.view.values.probed) app.showProbe();
+  app.showHistogram();
 }
 
 function progress({ what, share, left }) {
@@ -234,69 +242,6 @@ function say(sentence) {
   $("problems").append(told);
   while ($("problems").children.length > PROBLEMS) $("problems").firstChild.remove();
   setTimeout(() => told.remove(), 1000 * PROBLEM_SECONDS);
-}
-
-// How the picture is shown
-
-function mountView() {
-  const { view } = app;
-  for (const mode of MODES) $(`mode-${mode}`).onclick = () => view.set({ mode });
-  $("wipe").onclick = () => view.set({ wipe: !view.values.wipe });
-  $("wipe-with").onchange = ({ target }) => view.set({ with: target.value, wipe: true });
-  $("keep").onclick = () => {
-    stage.picture.keep();
-    view.set({ with: "kept", wipe: true });
-  };
-  $("auto").onclick = () => view.set({ locked: !view.values.locked });
-  $("tone").onchange = ({ target }) => view.set({ tone: target.value });
-  for (const name of ["luminance", "zebra"]) $(name).onclick = () => view.set({ [name]: !view.values[name] });
-  $("background").onchange = ({ target }) => app.shared.set({ background: target.value });
-  const exposure = slider("exposure", "Exposure", { low: -12, high: 12, step: 0.05, unit: "stops" }, (value) => view.set({ exposure: value, locked: true }));
-  $("exposure-slot").append(exposure.element);
-
-  const update = () => {
-    const { mode, wipe, locked, tone, luminance, zebra } = view.values;
-    const { method, background } = app.shared.values;
-    for (const name of MODES) pressed($(`mode-${name}`), name === mode);
-    for (const name of MODES.slice(1)) $(`mode-${name}`).hidden = !app.compares;
-    const others = [...(app.compares ? [["exact", "exact"]] : []), ...(method?.b ? [["b", "B"]] : []), ...(stage.picture?.layers.kept ? [["kept", "kept"]] : [])];
-    choices($("wipe-with"), others);
-    $("wipe-with").value = view.values.with;
-    $("wipe").disabled = !others.length;
-    pressed($("wipe"), wipe);
-    pressed($("auto"), !locked);
-    pressed($("luminance"), luminance);
-    pressed($("zebra"), zebra);
-    $("tone").value = tone;
-    exposure.set(view.values.exposure);
-    $("background-label").hidden = background === undefined;
-    $("background").value = background ?? "env";
-    $("keep").hidden = Boolean(stage.mesh);
-  };
-  view.on(() => app.soon("view", update));
-  app.shared.on(() => app.soon("view", update));
-  app.on("welcome", update);
-
-  $("drawer").onclick = () => {
-    const open = document.body.classList.toggle("open");
-    $("drawer").setAttribute("aria-expanded", String(open));
-    wake();
-  };
-  mountTheme();
-}
-
-function mountTheme() {
-  const order = ["", "dark", "light"];
-  const names = { "": "Theme", dark: "Dark", light: "Light" };
-  const set = (theme) => {
-    document.documentElement.dataset.theme = theme;
-    $("theme").textContent = names[theme];
-    localStorage.setItem("deltalux-theme", theme);
-    app.tell("theme");
-  };
-  $("theme").onclick = () => set(order[(order.indexOf(document.documentElement.dataset.theme) + 1) % 3]);
-  const kept = localStorage.getItem("deltalux-theme") ?? "";
-  set(order.includes(kept) ? kept : "");
 }
 
 const api = {

@@ -131,27 +131,3 @@ function drawErrors(plot, past) {
     pen.stroke();
   }
 }
-
-/** Luminances as a histogram in stops about middle grey, after exposure. */
-export function drawHistogram(canvas, luminances, exposure) {
-  const pen = canvas.getContext("2d");
-  const { width, height } = canvas;
-  const bins = new Float32Array(width / 2);
-  const stops = 8;
-  for (const value of luminances) {
-    if (!(value > 0)) continue;
-    const at = Math.floor(((Math.log2(value / 0.18) + exposure + stops) / (2 * stops)) * bins.length);
-    bins[Math.min(bins.length - 1, Math.max(0, at))] += 1;
-  }
-  const most = Math.max(1, ...bins.subarray(1, bins.length - 1));
-  pen.clearRect(0, 0, width, height);
-  // White on the display lies at 2.47 stops above middle grey.
-  pen.fillStyle = themed("--line");
-  pen.fillRect(width / 2 + (2.47 / stops) * (width / 2), 0, 1, height);
-  pen.fillRect(width / 2, 0, 1, height);
-  pen.fillStyle = themed("--faint");
-  bins.forEach((count, k) => {
-    const tall = Math.min(1, count / most) ** 0.7 * height;
-    pen.fillRect(2 * k, height - tall, 2, tall);
-  });
-}

@@ -2,7 +2,7 @@
 // environment once round.
 
 import { $, clamp, pressed, slider } from "./dom.js";
-import { about, product, slerp } from "./geometry.js";
+import { about, product, slerp, wrapped } from "./geometry.js";
 import { activeEnvironment } from "./light.js";
 
 const MOST = 5000;
@@ -140,7 +140,7 @@ function between(from, to, t) {
   const moved = { ...to };
   for (const name of ["gain", "elevation", "radius"]) if (name in to) moved[name] = line(from[name], to[name], t);
   // The shorter way round.
-  if ("azimuth" in to) moved.azimuth = (from.azimuth + ((((to.azimuth - from.azimuth) % 360) + 540) % 360 - 180) * t + 360) % 360;
+  if ("azimuth" in to) moved.azimuth = wrapped(from.azimuth + (wrapped(to.azimuth - from.azimuth + 180) - 180) * t);
   if (to.turn) moved.turn = slerp(from.turn, to.turn, t);
   moved.tint = to.tint.map((value, k) => line(from.tint[k], value, t));
   return moved;
