@@ -3,6 +3,11 @@
 const TOKEN = "deltalux-token";
 const REFUSED = 4401;
 const LONGEST_WAIT = 4000;
+const WHY = {
+  1001: "The server has ended",
+  1008: "The server refused so many messages",
+  1009: "The server refused so long a message",
+};
 
 /** The key of this run: out of the address bar, where it could be seen or copied, into this tab's own storage. */
 function token() {
@@ -31,7 +36,7 @@ export class Connection {
     socket.binaryType = "arraybuffer";
     socket.onopen = () => socket.send(JSON.stringify({ hello: key, width: innerWidth, height: innerHeight }));
     socket.onmessage = ({ data }) => this.take(data);
-    socket.onclose = ({ code, reason }) => this.closed(code, reason);
+    socket.onclose = ({ code }) => this.closed(code);
     this.socket = socket;
   }
 
@@ -48,11 +53,10 @@ export class Connection {
     this.on.binary(header, buffer, Math.ceil((4 + length) / 8) * 8);
   }
 
-  closed(code, reason) {
+  closed(code) {
     if (code === REFUSED) return this.on.refused();
     this.queue = [];
-    const why = code === 1001 ? "The server has ended" : code === 1008 || code === 1009 ? `The server closed the connection (${reason || code})` : "The connection is lost";
-    this.on.lost(`${why}; trying again…`);
+    this.on.lost(`${WHY[code] ?? "The connection is lost"}; trying again…`);
     setTimeout(() => this.open(), this.wait);
     this.wait = Math.min(LONGEST_WAIT, this.wait * 1.6);
   }

@@ -2,7 +2,7 @@
 // pixel, which directions light it ("why is it dark here?").
 
 import { encoded, KINDS } from "./colours.js";
-import { $, element } from "./dom.js";
+import { $, button, element } from "./dom.js";
 import { floats } from "./layers.js";
 import { middle } from "./strip.js";
 
@@ -61,13 +61,13 @@ export function mountCubemap(app) {
   };
 
   function title() {
-    const close = element("button", { id: "forget", type: "button", textContent: "×", title: "Back to the light (Escape)", ariaLabel: "Back to the light", onclick: () => app.forget() });
+    const close = button("forget", "×", () => app.forget(), { title: "Escape", ariaLabel: "Back to the light" });
     $("asked-title").replaceChildren(...(row ? [close, ` Lights (${row.x}, ${row.y})`] : ["Asked"]));
   }
 
   function drawLeft() {
     const canvas = $("map-asked");
-    if (row) drawCross(canvas, row.values, 1 / Math.max(1e-12, largest(row.values)), (value) => Math.max(0, value) ** 0.5);
+    if (row) drawCross(canvas, row.values, 1 / Math.max(1e-12, largest(row.values)), Math.sqrt);
     else if (asked) drawCross(canvas, asked, MIDDLE / middle(asked), encoded);
   }
 
@@ -81,7 +81,8 @@ export function mountCubemap(app) {
     for (const [face, x, y, texels, band] of sent) {
       const [column, line] = PLACES[face];
       pen.strokeStyle = KINDS[band % KINDS.length];
-      pen.strokeRect((column * size + x) * scale + 1, (line * size + y) * scale + 1, texels * scale - 2, texels * scale - 2);
+      const side = texels * scale - 2;
+      pen.strokeRect((column * size + x) * scale + 1, (line * size + y) * scale + 1, side, side);
     }
   }
 }

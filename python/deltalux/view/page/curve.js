@@ -2,21 +2,24 @@
 // first (dashed) and as it is.
 
 import { themed } from "./colours.js";
-import { button, clamp, drags, element } from "./dom.js";
+import { button, clamp, div, drags, element } from "./dom.js";
 
 // Decades shown below the largest value, and how far a pull reaches, in radians.
 const DECADES = 4;
 const REACH = 0.09;
 const RIGHT = Math.PI / 2;
 
+const HINT = "Curve over the half angle: drag to pull it; left and right choose the angle, up and down pull";
+
 const mean = ([r, g, b]) => (r + g + b) / 3;
 
 export function mountCurve(app) {
-  const plot = element("canvas", { id: "curve", width: 190, height: 130, tabIndex: 0, ariaLabel: "Curve over the half angle: drag to pull it; left and right choose the angle, up and down pull" });
+  const plot = element("canvas", { id: "curve", width: 190, height: 130, tabIndex: 0, ariaLabel: HINT });
   const lobe = element("canvas", { id: "lobe", width: 96, height: 130, ariaLabel: "The lobe, in polar form" });
   const title = element("b");
-  const back = button("curve-back", "By parameters", () => app.shared.set({ curves: { ...app.shared.values.curves, [name]: null } }), { title: "Back to the curve of the parameters" });
-  const whole = element("div", { className: "curve" }, element("div", { className: "head" }, title, back), element("div", { className: "pair" }, plot, lobe));
+  const put = (curve) => app.shared.set({ curves: { ...app.shared.values.curves, [name]: curve } });
+  const back = button("curve-back", "By parameters", () => put(null), { title: "Back to the curve of the parameters" });
+  const whole = div("curve", div("head", title, back), div("pair", plot, lobe));
   const first = {};
   const now = {};
   let name = null;
@@ -86,7 +89,7 @@ export function mountCurve(app) {
       return share < 1e-3 ? three : held.map((one) => one * ratio ** share);
     });
     now[name] = { ...now[name], values: pulled };
-    app.shared.set({ curves: { ...app.shared.values.curves, [name]: { theta: angles, values: pulled } } });
+    put({ theta: angles, values: pulled });
     draw();
   }
 
@@ -115,10 +118,13 @@ export function mountCurve(app) {
     pen.clearRect(0, 0, width, height);
     pen.fillStyle = themed("--line");
     pen.fillRect(0, height - 6, width, 1);
-    const largest = Math.max(1e-9, ...[first[name], now[name]].flatMap((curve) => curve.values.map(mean)));
+    // The largest that both lobes fit into the canvas with.
+    const fits = ({ theta, values }) => theta.map((angle, k) =>
+      mean(values[k]) * Math.max(Math.cos(angle) / (height - 12), Math.sin(angle) / (width / 2 - 3)));
+    const largest = Math.max(1e-12, ...[first[name], now[name]].flatMap(fits));
     for (const [curve, dash, colour] of [[first[name], [4, 3], "--faint"], [now[name], [], "--accent"]]) {
       const side = (sign) => curve.theta.map((theta, k) => {
-        const reach = (mean(curve.values[k]) / largest) * (height - 12);
+        const reach = mean(curve.values[k]) / largest;
         return [width / 2 + sign * reach * Math.sin(theta), height - 6 - reach * Math.cos(theta)];
       });
       line(pen, dash, colour, [...side(-1).reverse(), ...side(1)]);

@@ -12,6 +12,8 @@ export function element(tag, properties = {}, ...children) {
   return made;
 }
 
+export const div = (className, ...children) => element("div", { className }, ...children);
+
 export const button = (id, text, act, properties = {}) =>
   element("button", { id, type: "button", textContent: text, onclick: act, ...properties });
 
@@ -33,7 +35,8 @@ export function slider(id, label, { low, high, step = 0, scale = "linear", unit 
   const toRange = (value) => (log ? Math.log(value / low) / Math.log(high / low) : (value - low) / (high - low));
   const fromRange = (share) => rounded(log ? low * (high / low) ** share : low + (high - low) * share, step);
   const range = element("input", { id, type: "range", min: 0, max: 1, step: "any", "aria-label": label });
-  const number = element("input", { id: `${id}-number`, type: "text", inputMode: "decimal", "aria-label": `${label}, as a number` });
+  const number = element("input", { id: `${id}-number`, type: "text", inputMode: "decimal" });
+  number.ariaLabel = `${label}, as a number`;
   const text = element("label", { htmlFor: id, textContent: label });
   const show = (value) => {
     range.setAttribute("aria-valuetext", `${number.value} ${unit}`);
@@ -63,12 +66,13 @@ export function slider(id, label, { low, high, step = 0, scale = "linear", unit 
   };
   number.onchange = () => {
     const value = Number(number.value.replace(",", "."));
-    const held = Number.isFinite(value) && number.value.trim() ? clamp(value, low, high) : fromRange(Number(range.value));
+    const given = Number.isFinite(value) && number.value.trim() !== "";
+    const held = given ? clamp(value, low, high) : fromRange(Number(range.value));
     range.value = toRange(held);
     number.value = readable(held);
     act(show(held));
   };
-  const whole = element("div", { className: "slider" }, text, range, number);
+  const whole = div("slider", text, range, number);
   if (unit) whole.append(element("span", { className: "unit", textContent: unit }));
   return { element: whole, set };
 }

@@ -3,9 +3,9 @@
 const RADIANS = Math.PI / 180;
 
 export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-export const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 export const add = (a, b, times = 1) => [a[0] + times * b[0], a[1] + times * b[1], a[2] + times * b[2]];
-export const normalized = (a) => {
+const normalized = (a) => {
   const length = Math.hypot(...a);
   return a.map((value) => value / length);
 };
@@ -47,7 +47,8 @@ export function slerp(a, b, t) {
   const sign = cosine < 0 ? -1 : 1;
   cosine = Math.min(1, Math.abs(cosine));
   const angle = Math.acos(cosine);
-  const [p, q] = angle < 1e-4 ? [1 - t, t] : [Math.sin((1 - t) * angle) / Math.sin(angle), Math.sin(t * angle) / Math.sin(angle)];
+  const share = (part) => (angle < 1e-4 ? part : Math.sin(part * angle) / Math.sin(angle));
+  const [p, q] = [share(1 - t), share(t)];
   return normalized(a.map((value, k) => p * value + sign * q * b[k]));
 }
 

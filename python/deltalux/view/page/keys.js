@@ -55,7 +55,8 @@ export function mountKeys(app) {
       event.preventDefault();
       return event.shiftKey ? app.history.redo() : app.history.undo();
     }
-    if (event.ctrlKey || event.metaKey || event.altKey || writes(event.target) || document.querySelector("dialog[open]")) return;
+    if (event.ctrlKey || event.metaKey || event.altKey || writes(event.target)) return;
+    if (document.querySelector("dialog[open]")) return;
     // Space and Enter press the button that has the focus.
     if (event.key === " " && event.target.closest("button, select")) return;
     const found = table.find(([key]) => key === (event.key.length === 1 ? event.key.toLowerCase() : event.key));

@@ -1,10 +1,12 @@
 // Lamps of a studio: a list with their strengths, and handles in the picture where the camera sees them.
 
-import { $, button, drags, element, slider } from "./dom.js";
+import { $, button, div, drags, element, slider } from "./dom.js";
 import { add, dragged, frame, seen } from "./geometry.js";
 import { coloured } from "./materials.js";
 
+// Shares of the picture that a key moves a handle by.
 const KEY_STEP = 0.02;
+const ANGLES = { low: 1, high: 89, step: 1, unit: "°" };
 
 export function mountLamps(app, stage) {
   const rows = new Map();
@@ -20,7 +22,7 @@ export function mountLamps(app, stage) {
       held.clear();
     }
     const kinds = ["point", "spot"].map((kind) => button(`add-${kind}`, `+ ${kind}`, () => addLamp(kind)));
-    $("studio-lamps-body").replaceChildren(element("div", { className: "row" }, ...kinds));
+    $("studio-lamps-body").replaceChildren(div("row", ...kinds));
     update();
   });
   app.shared.on((keys) => keys.includes("lamps") && update());
@@ -34,11 +36,10 @@ export function mountLamps(app, stage) {
     const taken = new Set(lamps().map((lamp) => lamp.id));
     let number = 1;
     while (taken.has(`l${number}`)) number += 1;
-    const strength = away * away;
-    put([...lamps(), {
-      id: `l${number}`, kind, position, target: kind === "spot" ? camera.target : null, angle: kind === "spot" ? 30 : null, size: null,
-      intensity: [strength, strength, strength],
-    }]);
+    // As bright at the target as a lamp of intensity 1 at distance 1.
+    const intensity = Array(3).fill(away * away);
+    const aimed = kind === "spot" ? { target: camera.target, angle: 30 } : { target: null, angle: null };
+    put([...lamps(), { id: `l${number}`, kind, position, size: null, intensity, ...aimed }]);
   }
 
   function update() {
@@ -60,15 +61,17 @@ export function mountLamps(app, stage) {
 
   function lampRow({ id, kind, angle, intensity }) {
     const most = Math.max(1e-3, ...intensity);
-    const strength = coloured(`intensity-${id}`, "Strength", { low: most / 1000, high: most * 1000, scale: "log" }, (value) => change(id, { intensity: value }));
-    const cone = angle ? slider(`angle-${id}`, "Angle", { low: 1, high: 89, step: 1, unit: "°" }, (value) => change(id, { angle: value })) : null;
-    const remove = button(`remove-${id}`, "×", () => put(lamps().filter((lamp) => lamp.id !== id)), { ariaLabel: `Remove ${id}` });
-    const head = element("div", { className: "head" }, element("b", { className: "name", textContent: `${kind} · ${id}` }), remove);
+    const range = { low: most / 1000, high: most * 1000, scale: "log" };
+    const strength = coloured(`intensity-${id}`, "Strength", range, (value) => change(id, { intensity: value }));
+    const cone = angle && slider(`angle-${id}`, "Angle", ANGLES, (value) => change(id, { angle: value }));
+    const takeAway = () => put(lamps().filter((lamp) => lamp.id !== id));
+    const remove = button(`remove-${id}`, "×", takeAway, { ariaLabel: `Remove ${id}` });
+    const head = div("head", element("b", { className: "name", textContent: `${kind} · ${id}` }), remove);
     return {
-      element: element("div", { className: "group" }, head, strength.element, ...(cone ? [cone.element] : [])),
+      element: div("group", head, strength.element, ...(cone ? [cone.element] : [])),
       update(lamp) {
         strength.set(lamp.intensity);
-        cone?.set(lamp.angle);
+        if (cone) cone.set(lamp.angle);
       },
     };
   }
@@ -97,17 +100,19 @@ export function mountLamps(app, stage) {
   }
 
   function makeHandle(key, id, name) {
-    const handle = element("button", {
-      type: "button", id: `lamp-${key}`, className: name === "target" ? "handle target" : "handle",
-      ariaLabel: `${name === "target" ? "Target" : "Position"} of lamp ${id}: drag or arrow keys; with Alt nearer and further`, title: key,
+    const handle = button(`lamp-${key}`, "", null, {
+      className: name === "target" ? "handle target" : "handle",
+      title: key,
+      ariaLabel: `The ${name} of lamp ${id}: drag or arrow keys; with Alt nearer and further`,
     });
     const move = (dx, dy, alt) => {
       const point = lamps().find((lamp) => lamp.id === id)[name];
       const { depth } = seen(stage.camera, stage.aspect, point);
       const away = add(point, stage.camera.position, -1);
       // With Alt, along the line of sight, so that it stays where it is seen.
-      const moved = alt ? add(stage.camera.position, away, Math.max(0.05, 1 - 2 * dy)) : add(point, dragged(stage.camera, stage.aspect, depth, dx, dy));
-      change(id, { [name]: moved });
+      const further = () => add(stage.camera.position, away, Math.max(0.05, 1 - 2 * dy));
+      const across = () => add(point, dragged(stage.camera, stage.aspect, depth, dx, dy));
+      change(id, { [name]: alt ? further() : across() });
     };
     drags(handle, { move: (dx, dy, event) => move(...stage.shares(dx, dy), event.altKey) });
     handle.onkeydown = (event) => {

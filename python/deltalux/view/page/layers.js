@@ -25,9 +25,10 @@ export function floats(values) {
 /** One value of a layer. */
 export const valueAt = (values, index) => (values instanceof Uint16Array ? HALVES[values[index]] : values[index]);
 
-/** The numbers of a part of a message, without a copy where they lie well. */
+/** The numbers of a part of a message, without a copy where they lie well; null where it is made of others. */
 export function numbers(part, buffer, start) {
   const type = { f16: Uint16Array, f32: Float32Array, u32: Uint32Array }[part.type];
+  if (!type) return null;
   const offset = start + part.offset;
   if (offset % type.BYTES_PER_ELEMENT) return new type(buffer.slice(offset, offset + part.bytes));
   return new type(buffer, offset, part.bytes / type.BYTES_PER_ELEMENT);

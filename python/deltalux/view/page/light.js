@@ -1,10 +1,16 @@
 // The panel of light: environments to swap in, a fade between two, and the groups that make up the light.
 
 import { fromHex, toHex } from "./colours.js";
-import { $, button, choices, element, pressed, slider } from "./dom.js";
+import { $, button, choices, div, element, pressed, slider } from "./dom.js";
 
 const MOST = 16;
 const SHARED = { gain: 0, tint: [1, 1, 1], mute: false, solo: false };
+const RANGES = {
+  gain: { low: -20, high: 20, step: 0.1, unit: "stops" },
+  azimuth: { low: 0, high: 360, step: 1, unit: "°" },
+  elevation: { low: -90, high: 90, step: 1, unit: "°" },
+  radius: { low: 0.3, high: 60, scale: "log", unit: "°" },
+};
 const UNTURNED = [0, 0, 0, 1];
 // A disc of the sun's size at this gain lights about as much as a bright sky; a lamp of 15 degrees about the same.
 const SUN = { kind: "lamp", azimuth: 135, elevation: 40, radius: 0.3, gain: 15 };
@@ -78,7 +84,9 @@ export function mountLight(app) {
       if (group) changeGroup(app, group.id, { source: name });
       else app.addGroup({ id: freeId(app, "e"), kind: "environment", source: name, turn: UNTURNED });
     };
-    return element("button", { id: `thumb-${name}`, type: "button", className: "thumb", title: `Light by ${name}`, onclick: act }, image, text);
+    const made = button(`thumb-${name}`, "", act, { className: "thumb", title: `Light by ${name}` });
+    made.append(image, text);
+    return made;
   }
 
   function update() {
@@ -115,26 +123,27 @@ function groupRow(app, { id, kind }, update) {
   }, { className: "name" });
   const mute = button(`mute-${id}`, "M", flip("mute"), { title: "Mute", ariaLabel: `Mute ${id}` });
   const solo = button(`solo-${id}`, "S", flip("solo"), { title: "Solo", ariaLabel: `Solo ${id}` });
-  const tint = element("input", { id: `tint-${id}`, type: "color", title: "Tint", ariaLabel: `Tint of ${id}`, oninput: () => change({ tint: fromHex(tint.value) }) });
+  const tint = element("input", { id: `tint-${id}`, type: "color", title: "Tint", ariaLabel: `Tint of ${id}` });
+  tint.oninput = () => change({ tint: fromHex(tint.value) });
   const remove = button(`remove-${id}`, "×", () => {
     const { light } = app.shared.values;
     if (kind === "paint") app.send({ unpaint: id });
     app.shared.set({ light: { ...light, groups: light.groups.filter((group) => group.id !== id) } });
   }, { title: "Remove", ariaLabel: `Remove ${id}` });
-  const sliders = { gain: slider(`gain-${id}`, "Gain", { low: -20, high: 20, step: 0.1, unit: "stops" }, (gain) => change({ gain })) };
-  if (kind === "lamp") {
-    sliders.azimuth = slider(`azimuth-${id}`, "Azimuth", { low: 0, high: 360, step: 1, unit: "°" }, (azimuth) => change({ azimuth }));
-    sliders.elevation = slider(`elevation-${id}`, "Elevation", { low: -90, high: 90, step: 1, unit: "°" }, (elevation) => change({ elevation }));
-    sliders.radius = slider(`radius-${id}`, "Radius", { low: 0.3, high: 60, scale: "log", unit: "°" }, (radius) => change({ radius }));
-  }
-  const head = element("div", { className: "head" }, title, mute, solo, tint, remove);
+  const names = kind === "lamp" ? Object.keys(RANGES) : ["gain"];
+  const sliders = Object.fromEntries(names.map((name) => {
+    const text = name[0].toUpperCase() + name.slice(1);
+    return [name, slider(`${name}-${id}`, text, RANGES[name], (value) => change({ [name]: value }))];
+  }));
+  const head = div("head", title, mute, solo, tint, remove);
   if (kind === "paint") head.insertBefore(button(`unpaint-${id}`, "Clear", () => app.send({ unpaint: id })), remove);
-  const whole = element("div", { className: "group" }, head, ...Object.values(sliders).map((one) => one.element));
+  const whole = div("group", head, ...Object.values(sliders).map((one) => one.element));
   return {
     element: whole,
     kind,
     update(group, active) {
-      title.textContent = { environment: group.source, lamp: group.radius < 1 ? "sun" : "lamp", paint: "paint" }[kind] + ` · ${id}`;
+      const names = { environment: group.source, lamp: group.radius < 1 ? "sun" : "lamp", paint: "paint" };
+      title.textContent = `${names[kind]} · ${id}`;
       title.title = kind === "environment" ? "Turn and swap this one" : "";
       whole.classList.toggle("active", active);
       if (kind === "environment") pressed(title, active);

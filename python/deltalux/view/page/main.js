@@ -76,8 +76,8 @@ app.shared.on((keys, from) => {
 app.view.on(() => wake());
 const stage = new Stage(app);
 const rooms = [
-  mountShowing, mountPointing, mountMethod, mountLight, mountStrip, mountMaterials, mountLamps, mountCubemap, mountPlots,
-  mountTimeline, mountOut, mountKeys,
+  mountShowing, mountPointing, mountMethod, mountLight, mountStrip, mountMaterials, mountLamps, mountCubemap,
+  mountPlots, mountTimeline, mountOut, mountKeys,
 ];
 for (const mount of rooms) mount(app, stage);
 $("drawer").onclick = () => {
@@ -121,7 +121,8 @@ function follow(seconds) {
   if (locked || !Number.isFinite(asked) || asked === exposure) return;
   const rest = asked - exposure;
   const first = shownAt.length < 2;
-  app.view.set({ exposure: first || Math.abs(rest) < 0.01 ? asked : exposure + rest * (1 - Math.exp(-FOLLOWING * seconds)) });
+  const there = first || Math.abs(rest) < 0.01;
+  app.view.set({ exposure: there ? asked : exposure + rest * (1 - Math.exp(-FOLLOWING * seconds)) });
 }
 
 /** Asks for the layers that are looked at, when that changes. */
@@ -180,7 +181,7 @@ function begin(welcome) {
 }
 
 async function binary(header, buffer, start) {
-  const parts = header.parts.map((part) => ({ ...part, values: ["f16", "f32", "u32"].includes(part.type) ? numbers(part, buffer, start) : null }));
+  const parts = header.parts.map((part) => ({ ...part, values: numbers(part, buffer, start) }));
   const named = (name) => parts.find((part) => part.name === name)?.values;
   const bytes = (part) => new Uint8Array(buffer, start + part.offset, part.bytes);
   if (header.kind === "frame") await frame(header, parts, bytes);
@@ -203,7 +204,7 @@ async function frame(header, parts, bytes) {
   if (header.stats) {
     app.stats = header.stats;
     app.tell("stats", header.stats);
-    if (header.stats.rate) $("rate").title = `Frames a second, as shown here; ${header.stats.rate.toFixed(1)} made by the server`;
+    if (header.stats.rate) $("rate").title = `Frames a second, here; the server's ${header.stats.rate.toFixed(1)}`;
   }
   const now = performance.now();
   shownAt.push(now);

@@ -2,10 +2,11 @@
 // and how much, and what is being edited.
 
 import { fromHex, toHex } from "./colours.js";
-import { $, choices, element, slider } from "./dom.js";
+import { $, button, choices, div, element, slider } from "./dom.js";
 import { mountCurve } from "./curve.js";
 
 const SHARES = [["k_s", "Specular"], ["k_d", "Diffuse"]];
+const SHARE = { low: 0, high: 1 };
 
 export function mountMaterials(app) {
   let rows = [];
@@ -49,22 +50,26 @@ function change(app, name, changes, others = {}) {
 }
 
 function editing(app, materials) {
-  const select = element("select", { id: "editing", onchange: () => app.shared.set({ editing: select.value || null }) });
+  const select = element("select", { id: "editing" });
+  select.onchange = () => app.shared.set({ editing: select.value || null });
   choices(select, [["", "lamps"], ...materials.map(({ name }) => [name, `gamma of ${name}`])]);
   return element("label", { className: "plain" }, "What moves ", select);
 }
 
 function parameters(name, list, act) {
-  return list.map((one) => [one.name, slider(`${one.name}-${name}`, one.name, { low: one.low, high: one.high, scale: one.log ? "log" : "linear" }, (value) => act({ [one.name]: value }))]);
+  return list.map(({ name: key, low, high, log }) => {
+    const range = { low, high, scale: log ? "log" : "linear" };
+    return [key, slider(`${key}-${name}`, key, range, (value) => act({ [key]: value }))];
+  });
 }
 
 function curveRow(app, { name, parameters: list, colour }, curve) {
   const act = (changes) => change(app, name, changes, { curves: { ...app.shared.values.curves, [name]: null } });
   const sliders = parameters(name, list, act);
-  const title = element("button", { id: `material-${name}`, type: "button", className: "name", textContent: name, onclick: () => curve.choose(name) });
+  const title = button(`material-${name}`, name, () => curve.choose(name), { className: "name" });
   const patch = element("span", { className: "patch" });
   patch.style.background = toHex(colour);
-  const whole = element("div", { className: "group" }, element("div", { className: "head" }, patch, title), ...sliders.map(([, one]) => one.element));
+  const whole = div("group", div("head", patch, title), ...sliders.map(([, one]) => one.element));
   return {
     name,
     element: whole,
@@ -77,15 +82,17 @@ function curveRow(app, { name, parameters: list, colour }, curve) {
 function familyRow(app, { name, parameters: list }) {
   const act = (changes) => change(app, name, changes);
   const sliders = parameters(name, list, act);
-  const shares = SHARES.map(([key, label]) => [key, coloured(`${key}-${name}`, label, { low: 0, high: 1 }, (value) => act({ [key]: value }))]);
-  const tint = element("input", { id: `colour-${name}`, type: "color", title: "Colour", ariaLabel: `Colour of ${name}`, oninput: () => act({ colour: fromHex(tint.value) }) });
-  const head = element("div", { className: "head" }, element("b", { className: "name", textContent: name }), tint);
-  const whole = element("div", { className: "group" }, head, ...sliders.map(([, one]) => one.element), ...shares.map(([, one]) => one.element));
+  const share = ([key, label]) => [key, coloured(`${key}-${name}`, label, SHARE, (value) => act({ [key]: value }))];
+  const all = [...sliders, ...SHARES.map(share)];
+  const tint = element("input", { id: `colour-${name}`, type: "color", ariaLabel: `Colour of ${name}` });
+  tint.oninput = () => act({ colour: fromHex(tint.value) });
+  const head = div("head", element("b", { className: "name", textContent: name }), tint);
+  const whole = div("group", head, ...all.map(([, one]) => one.element));
   return {
     name,
     element: whole,
     update(values) {
-      for (const [key, one] of [...sliders, ...shares]) if (values[key] !== undefined) one.set(values[key]);
+      for (const [key, one] of all) if (values[key] !== undefined) one.set(values[key]);
       tint.value = toHex(values.colour ?? [1, 1, 1]);
     },
   };
@@ -97,7 +104,8 @@ export function coloured(id, label, range, act) {
   let amount = range.low;
   const give = () => act(colour.map((value) => value * amount));
   const one = slider(id, label, range, (value) => ((amount = value), give()));
-  const input = element("input", { id: `${id}-colour`, type: "color", ariaLabel: `Colour of ${label}`, oninput: () => ((colour = fromHex(input.value)), give()) });
+  const input = element("input", { id: `${id}-colour`, type: "color", ariaLabel: `Colour of ${label}` });
+  input.oninput = () => ((colour = fromHex(input.value)), give());
   one.element.append(input);
   return {
     element: one.element,

@@ -1,13 +1,16 @@
 // The method, or two side by side, with their budgets; freezing and stepping; and what a frame says of itself.
 
-import { $, choices, element, percent, pressed, readable, slider } from "./dom.js";
+import { $, choices, div, element, percent, pressed, readable, slider } from "./dom.js";
 
 const AMOUNTS = {
   terms: { low: 1, high: 4096, step: 1, scale: "log", unit: "terms", first: 30 },
   milliseconds: { low: 0.05, high: 50, scale: "log", unit: "ms", first: 2 },
   error: { low: 1e-4, high: 1, scale: "log", unit: "of 1", first: 0.01 },
 };
-const WEIGHTS = { area: "area", none: "no weight", "root-area": "root of area", transport: "transport", cost: "gain for cost" };
+const WEIGHTS = { none: "no weight", "root-area": "root of area", cost: "gain for cost" };
+
+// An error of light this many seconds ago is marked with its age.
+const OLD = 0.3;
 
 export function mountMethod(app) {
   const panels = { a: panel(app, "a"), b: panel(app, "b") };
@@ -45,7 +48,8 @@ function panel(app, side) {
     app.shared.set({ method: { ...method, [side]: { ...method[side], ...changes } } });
   };
   const known = (name) => app.welcome.methods.find((one) => one.name === name);
-  const select = (name, title, act) => element("select", { id: `${name}-${side}`, ariaLabel: title, onchange: ({ target }) => act(target.value) });
+  const select = (name, title, act) =>
+    element("select", { id: `${name}-${side}`, ariaLabel: title, onchange: ({ target }) => act(target.value) });
   const setBudget = (budget) => change({ budget, amount: AMOUNTS[budget].first });
   const name = select("method", "Method", (value) => {
     const { budgets } = known(value);
@@ -56,7 +60,7 @@ function panel(app, side) {
   });
   const budget = select("budget", "Budget", setBudget);
   const weight = select("weight", "Weight", (value) => change({ weight: value }));
-  const slot = element("div", { className: "amount" });
+  const slot = div("amount");
   let amount = null;
   $(`panel-${side}`).append(name, budget, slot, weight);
 
@@ -88,19 +92,27 @@ function panel(app, side) {
 }
 
 function showReadouts(stats) {
-  const { a, b } = stats;
-  if (!a) return;
-  $("converged").hidden = !a.converged;
-  $("late").hidden = !a.late;
-  const told = [["frame", `${readable(1000 * a.seconds)} ms`], ["columns sent", readable(a.columns)]];
-  if (a.resets?.length) told.push(["reset", a.resets.length > 3 ? `${a.resets.length} bands` : `band ${a.resets.join(", ")}`]);
-  if (stats.error !== undefined) told.push(["error", `${percent(stats.error)}${stats.age > 0.3 ? ` · ${readable(stats.age)} s ago` : ""}`]);
-  if (a.relative_pending !== undefined) {
-    const whole = a.relative_pending === null ? null : a.relative_pending + (a.relative_truncation ?? 0);
-    told.push(["bound", `${percent(whole)} = ${percent(a.relative_pending)} not sent + ${percent(a.relative_truncation)} truncated`]);
-  }
-  else if (a.pending !== undefined) told.push(["bound", `${readable(a.pending)} not sent + ${readable(a.truncation)} truncated`]);
-  if (b) told.push(["B", `${readable(1000 * b.seconds)} ms · ${readable(b.columns)} columns · error ${percent(stats.error_b)}`]);
-  const rows = told.map(([name, value]) => element("div", {}, element("dt", { textContent: name }), element("dd", { textContent: value })));
+  if (!stats.a) return;
+  $("converged").hidden = !stats.a.converged;
+  $("late").hidden = !stats.a.late;
+  const rows = readouts(stats).map(([name, value]) =>
+    div("", element("dt", { textContent: name }), element("dd", { textContent: value })));
   $("readouts").replaceChildren(...rows);
+}
+
+/** What a frame says of itself, as names and texts. */
+function readouts({ a, b, error, error_b: errorB, age }) {
+  const told = [["frame", `${readable(1000 * a.seconds)} ms`], ["columns sent", readable(a.columns)]];
+  const { resets, relative_pending: pending, relative_truncation: truncation } = a;
+  if (resets?.length) told.push(["reset", resets.length > 3 ? `${resets.length} bands` : `band ${resets.join(", ")}`]);
+  if (error !== undefined) told.push(["error", percent(error) + (age > OLD ? ` · ${readable(age)} s ago` : "")]);
+  if (Number.isFinite(pending)) {
+    const whole = percent(pending + (truncation ?? 0));
+    told.push(["bound", `${whole} = ${percent(pending)} not sent + ${percent(truncation)} truncated`]);
+  } else if (Number.isFinite(a.pending)) {
+    told.push(["bound", `${readable(a.pending)} not sent + ${readable(a.truncation)} truncated`]);
+  }
+  const beside = () => `${readable(1000 * b.seconds)} ms · ${readable(b.columns)} columns · error ${percent(errorB)}`;
+  if (b) told.push(["B", beside()]);
+  return told;
 }

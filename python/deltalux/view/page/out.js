@@ -2,6 +2,7 @@
 
 import { $, download, pressed } from "./dom.js";
 
+const MEDIA = ["video/webm;codecs=vp9", "video/webm;codecs=vp8", "video/mp4"];
 const RATE = 60;
 const BITS = 12e6;
 // What of this page's own view goes into a session.
@@ -25,7 +26,7 @@ export function mountOut(app) {
     const [file] = target.files;
     target.value = "";
     if (!file) return;
-    if (file.size > LARGEST) return app.say(`${file.name} is larger than ${LARGEST >> 10} KiB, the largest session that can be opened here.`);
+    if (file.size > LARGEST) return app.say(`${file.name} has more than ${LARGEST >> 10} KiB, too many to open.`);
     try {
       app.send({ open: JSON.parse(await file.text()) });
     } catch {
@@ -55,7 +56,7 @@ export function mountOut(app) {
 }
 
 function mountVideo(app) {
-  const media = ["video/webm;codecs=vp9", "video/webm;codecs=vp8", "video/mp4"].find((one) => window.MediaRecorder?.isTypeSupported(one));
+  const media = MEDIA.find((one) => window.MediaRecorder?.isTypeSupported(one));
   $("video").hidden = !media;
   let recorder = null;
   $("video").onclick = () => {

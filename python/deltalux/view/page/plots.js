@@ -19,7 +19,8 @@ export function mountPlots(app) {
   const past = [];
   key($("plot-time-key"), [...TIMES, ["late", LATE]]);
     const keyErrors = () => {
-    const lines = LINES.filter(([name]) => (app.compares || !name.startsWith("error")) && (name !== "error B" || app.shared.values.method?.b));
+    const there = { error: app.compares, "error B": app.compares && Boolean(app.shared.values.method?.b) };
+    const lines = LINES.filter(([name]) => there[name] ?? true);
     key($("plot-error-key"), [...lines, ["reset", themed("--faint")]]);
   };
   app.on("welcome", () => {
@@ -84,9 +85,11 @@ function drawTimes(plot, past, method) {
   const times = past.map(({ a }) => a.seconds * 1000);
   const sorted = [...times].sort((p, q) => p - q);
   // One slow frame must not flatten all others: it is cut off at the top.
-  const top = 1.4 * Math.max(0.05, sorted[Math.floor(0.97 * (sorted.length - 1))] ?? 1, method?.budget === "milliseconds" ? method.amount : 0);
+  const usual = sorted[Math.floor(0.97 * (sorted.length - 1))] ?? 1;
+  const allowed = method?.budget === "milliseconds" ? method.amount : 0;
+  const top = 1.4 * Math.max(0.05, usual, allowed);
   const up = (ms) => height - BOTTOM - (Math.min(ms, top) * (height - BOTTOM - 8)) / top;
-  for (const share of [0, 0.5, 1]) grid(plot, up(share * top * 0.9), share ? `${Number((share * top * 0.9).toPrecision(2))} ms` : "0");
+  for (const ms of [0, 0.45 * top, 0.9 * top]) grid(plot, up(ms), ms ? `${Number(ms.toPrecision(2))} ms` : "0");
   const wide = Math.max(1, across(1) - across(0));
   past.forEach(({ a }, k) => {
     const choosing = 1000 * (a.choosing ?? 0);
@@ -99,9 +102,9 @@ function drawTimes(plot, past, method) {
       from += ms;
     });
   });
-  if (method?.budget === "milliseconds") {
+  if (allowed) {
     pen.fillStyle = themed("--ink");
-    pen.fillRect(LEFT, up(method.amount), plot.width - LEFT, 1);
+    pen.fillRect(LEFT, up(allowed), plot.width - LEFT, 1);
   }
 }
 
@@ -111,7 +114,10 @@ function drawErrors(plot, past) {
   const high = Math.ceil(Math.log10(Math.max(1e-2, ...all)));
   const low = Math.min(high - 2, Math.floor(Math.log10(Math.min(1e-3, ...all))));
   const up = (value) => 6 + ((high - Math.log10(Math.max(value, 10 ** low))) * (height - BOTTOM - 8)) / (high - low);
-  for (let decade = low; decade <= high; decade += Math.ceil((high - low) / 5)) grid(plot, up(10 ** decade), past.at(-1)?.a.relative_pending === undefined ? readable(10 ** decade) : percent(10 ** decade));
+  const written = past.at(-1)?.a.relative_pending === undefined ? readable : percent;
+  for (let decade = low; decade <= high; decade += Math.ceil((high - low) / 5)) {
+    grid(plot, up(10 ** decade), written(10 ** decade));
+  }
   past.forEach(({ a }, k) => {
     if (!a.resets?.length) return;
     pen.fillStyle = themed("--faint");

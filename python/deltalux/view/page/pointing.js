@@ -8,8 +8,9 @@ import { nearer, orbited, panned } from "./mesh.js";
 const CLICK = 4;
 const KEY_STEP = 40;
 const HINTS = {
-  mesh: "Drag flies round, ctrl-drag moves, the wheel nears; click asks which light reaches a place.",
-  picture: "Point at the picture to read its values; click asks which light reaches a place.",
+  mesh: "Drag flies round, ctrl-drag moves, the wheel nears",
+  picture: "Point at the picture to read its values",
+  look: "; click asks which light reaches a place",
 };
 const READ = [["", "a"], ["B ", "b"], ["exact ", "exact"], ["bound ", "bound"]];
 
@@ -92,7 +93,8 @@ export function mountPointing(app, stage) {
 
   /** By key, the pixel in the middle of what is shown is the one that is asked about. */
   function ask() {
-    app.tell("click", ...stage.middle.map((share, k) => clamp(Math.floor(share * stage.size[k]), 0, stage.size[k] - 1)));
+    const pixel = (share, k) => clamp(Math.floor(share * stage.size[k]), 0, stage.size[k] - 1);
+    app.tell("click", ...stage.middle.map(pixel));
   }
 
   // The values under the pointer
@@ -107,7 +109,8 @@ export function mountPointing(app, stage) {
     const at = app.view.values.probed;
     const three = ([title, name]) => title + stage.picture.at(name, ...at).map(readable).join(" ");
     const read = at && READ.filter(([, name]) => stage.picture.layers[name]).map(three);
-    $("probe").textContent = read ? `(${at.join(", ")})  ${read.join("  |  ")}` : HINTS[stage.mesh ? "mesh" : "picture"];
+    const hint = HINTS[stage.mesh ? "mesh" : "picture"] + (app.welcome.columns?.size ? HINTS.look : "");
+    $("probe").textContent = read ? `(${at.join(", ")})  ${read.join("  |  ")}` : hint;
   };
   app.on("welcome", app.showProbe);
   app.view.on((keys) => keys.includes("probed") && app.showProbe());

@@ -3,8 +3,8 @@
 import { SIGNS, SIZES } from "./colours.js";
 
 export const MODES = ["beauty", "error", "ghosts", "bound", "difference"];
-export const TONES = ["srgb", "agx", "raw"];
-export const OTHERS = ["none", "exact", "b", "kept"];
+const TONES = ["srgb", "agx", "raw"];
+const OTHERS = ["none", "exact", "b", "kept"];
 // Maps of error and bound show this many decades below full scale; ghosts are linear, up to this share of it.
 export const DECADES = 3;
 export const GHOSTS = 0.1;
@@ -85,7 +85,8 @@ function shader(gl, kind, text) {
   const made = gl.createShader(kind);
   gl.shaderSource(made, `#version 300 es\nprecision highp float;\nprecision highp int;\n${text}`);
   gl.compileShader(made);
-  if (!gl.getShaderParameter(made, gl.COMPILE_STATUS) && !gl.isContextLost()) throw new Error(gl.getShaderInfoLog(made));
+  const stands = gl.getShaderParameter(made, gl.COMPILE_STATUS) || gl.isContextLost();
+  if (!stands) throw new Error(gl.getShaderInfoLog(made));
   return made;
 }
 
@@ -120,7 +121,8 @@ export class Programs {
     gl.attachShader(program, shader(gl, gl.FRAGMENT_SHADER, defines + SHADING + this.fragment));
     this.attributes.forEach((name, place) => gl.bindAttribLocation(program, place, name));
     gl.linkProgram(program);
-    if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost()) throw new Error(gl.getProgramInfoLog(program));
+    const stands = gl.getProgramParameter(program, gl.LINK_STATUS) || gl.isContextLost();
+    if (!stands) throw new Error(gl.getProgramInfoLog(program));
     return { program, places: {} };
   }
 }

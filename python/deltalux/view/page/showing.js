@@ -58,6 +58,9 @@ export function mountShowing(app, stage) {
     if (app.shared.values.method?.b) others.push(["b", "B"]);
     if (stage.picture?.layers.kept) others.push(["kept", "kept"]);
     choices($("wipe-with"), others);
+    const known = others.some(([name]) => name === view.values.with);
+    if (!known && others.length) view.set({ with: others[0][0] });
+    if (!others.length && view.values.wipe) view.set({ wipe: false });
     $("wipe").disabled = !others.length;
     $("wipe-with").value = view.values.with;
   }
@@ -66,7 +69,7 @@ export function mountShowing(app, stage) {
 function showLegend({ mode, full, luminance }) {
   const decades = Array.from({ length: DECADES + 1 }, (_, k) => percent(full * 10 ** (k - DECADES)));
   const signs = [`−${percent(GHOSTS * full)} too dark`, `+${percent(GHOSTS * full)} too bright`];
-  const stops = [-STOPS, -STOPS / 2, 0, STOPS / 2, STOPS].map((stop) => (stop > 0 ? `+${stop}` : String(stop).replace("-", "−")));
+  const stops = [`−${STOPS}`, `−${STOPS / 2}`, "0", `+${STOPS / 2}`, `+${STOPS}`];
   const [title, ramp, ticks] = {
     error: ["Error |a − exact|, of white", SIZES, decades],
     bound: ["Bound of the error, of white", SIZES, decades],

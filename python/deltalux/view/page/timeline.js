@@ -6,6 +6,7 @@ import { about, product, slerp, wrapped } from "./geometry.js";
 import { activeEnvironment } from "./light.js";
 
 const MOST = 5000;
+const LENGTHS = { low: 0.5, high: 120, scale: "log", unit: "s" };
 
 export function mountTimeline(app) {
   const clip = { seconds: 8, hold: 0, loop: true, ease: false, samples: [] };
@@ -15,7 +16,7 @@ export function mountTimeline(app) {
   let base = null;
 
   const scrub = slider("scrub", "Time", { low: 0, high: 100, step: 0.1, unit: "%" }, (value) => go(value / 100));
-  const length = slider("length", "Length", { low: 0.5, high: 120, scale: "log", unit: "s" }, (value) => (clip.seconds = value));
+  const length = slider("length", "Length", LENGTHS, (value) => (clip.seconds = value));
   const hold = slider("hold", "Hold", { low: 0, high: 10, step: 0.1, unit: "s" }, (value) => (clip.hold = value));
   $("scrub-slot").append(scrub.element);
   $("length-slot").append(length.element);
@@ -101,8 +102,8 @@ export function mountTimeline(app) {
     base ??= app.shared.values.light;
     const own = activeEnvironment(app);
     if (!own) return null;
-    const groups = base.groups.map((group) => (group.id === own.id ? { ...group, turn: product(about(360 * share), group.turn) } : group));
-    return { ...base, groups };
+    const turned = (group) => ({ ...group, turn: product(about(360 * share), group.turn) });
+    return { ...base, groups: base.groups.map((group) => (group.id === own.id ? turned(group) : group)) };
   }
 
   function show() {
@@ -113,7 +114,8 @@ export function mountTimeline(app) {
     pressed($("play"), started !== null);
     $("play").textContent = started === null ? "▶ Play" : "■ Stop";
     for (const name of ["loop", "ease"]) pressed($(name), clip[name]);
-    $("clip").textContent = recording ? "recording…" : clip.samples.length ? `${clip.samples.length} samples` : "one turn";
+    const held = clip.samples.length ? `${clip.samples.length} samples` : "one turn";
+    $("clip").textContent = recording ? "recording…" : held;
   }
 
   app.clip = () => clip;
@@ -127,7 +129,8 @@ export function mountTimeline(app) {
 /** The light between two samples: what both have moves, the rest jumps. */
 function mixed(from, to, t) {
   const groups = to.groups.map((group) => {
-    const before = from.groups.find((one) => one.id === group.id && one.kind === group.kind && one.source === group.source);
+    const same = (one) => ["id", "kind", "source"].every((key) => one[key] === group[key]);
+    const before = from.groups.find(same);
     return before ? between(before, group, t) : group;
   });
   const fades = from.blend?.source === to.blend?.source && to.blend;
