@@ -13,6 +13,7 @@ from ..precomputation.room import check_folder_of
 from ..scene.builtin.catalogue import SCENES
 from ..scene.scene import Scene
 from ..transport.transport import Transport
+from ..viewer.export import export
 from ..viewer.handle import View, lights_of, opened, subject_of
 from ..viewer.preview import small
 from ..viewer.requests import read_session, resume
@@ -38,6 +39,7 @@ def add(commands: Any) -> None:
     command.add_argument("--up", choices=("y", "z"), default="y", help="of a scene; default: %(default)s")
     command.add_argument("-o", "--output", metavar="FILE", help="where the finest transport of a scene goes")
     add_light(command, several=True, default="hall, and all that are built in to choose from")
+    command.add_argument("--export", metavar="FOLDER", help="write a page that relights by itself, and open nothing")
     command.add_argument("--session", metavar="FILE", help="what an earlier view has saved")
     command.add_argument(
         "--method", type=read_own, action="append", default=[], metavar=OWN, help="a method of your own to choose"
@@ -60,6 +62,9 @@ def _view(chosen: argparse.Namespace) -> None:
     lights = lights_of(list(given.values()), {env.name: path for path, env in given.items()})
     own = {one.__name__.lower(): one for one in chosen.method}
     scene = _scene(chosen)
+    if chosen.export is not None:
+        say(export(_exported(scene, chosen), Path(chosen.export), lights.sources))
+        return
     transport = opened(chosen.transport) if scene is None else small(scene, progress=True)
     if (given or own) and not isinstance(transport, Transport):
         raise ValueError("expected --env and --method with a transport whose light moves: here materials and lamps do")
@@ -88,6 +93,17 @@ def _scene(chosen: argparse.Namespace) -> Scene | None:
         check_folder_of(Path(chosen.output))
     chosen.scene = chosen.transport
     return scene_of(chosen)
+
+
+def _exported(scene: Scene | None, chosen: argparse.Namespace) -> Scene | Transport:
+    """What a page relights by itself."""
+    for option in ("session", "port", "output"):
+        if getattr(chosen, option) is not None:
+            raise ValueError(f"expected no --{option} with --export, which opens nothing")
+    transport = scene or opened(chosen.transport)
+    if not isinstance(transport, (Scene, Transport)):
+        raise ValueError("expected a scene or a transport whose light moves to export")
+    return transport
 
 
 def _paths(given: list[str]) -> list[str]:

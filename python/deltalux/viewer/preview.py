@@ -27,7 +27,7 @@ from ..scene.scene import Scene
 from ..surface.surface import Surface
 from ..transport.transport import Transport
 
-__all__ = ["Refinement", "small"]
+__all__ = ["Refinement", "resized", "small"]
 
 _SMALL, _SMALL_COLUMNS = 96, 16
 """Pixels along the longer edge of the first picture, and texels along a face: seconds."""
@@ -38,14 +38,14 @@ _ARRAYS, _SETTINGS = "scene.npz", "settings.json"
 
 def small(scene: Scene, progress: bool | Progress) -> Transport:
     """The transport of a scene in a few seconds, kept in memory's stead in a folder that goes with it."""
-    seen = scene.with_camera(_resized(scene.camera, _SMALL))
+    seen = scene.with_camera(resized(scene.camera, _SMALL))
     # A file that is open stands until it is closed, wherever its name has gone.
     with tempfile.TemporaryDirectory(prefix="deltalux-view-") as folder:
         path = Path(folder) / "small.transport"
         return precompute(seen, path, columns=Haar(_SMALL_COLUMNS), quality="preview", progress=progress)
 
 
-def _resized(camera: Camera, longer: int) -> Camera:
+def resized(camera: Camera, longer: int) -> Camera:
     """No larger than it is."""
     share = min(1.0, longer / max(camera.width, camera.height))
     return camera.resized(max(1, round(camera.width * share)), max(1, round(camera.height * share)))
@@ -85,7 +85,7 @@ class Refinement:
         self._folder = tempfile.TemporaryDirectory(prefix="deltalux-view-")
         folder = Path(self._folder.name)
         np.savez(folder / _ARRAYS, **arrays)  # type: ignore[arg-type]
-        middle, whole = _resized(scene.camera, _MIDDLE), scene.camera
+        middle, whole = resized(scene.camera, _MIDDLE), scene.camera
         steps = [(middle, _MIDDLE_COLUMNS, folder / "middle.transport")] if middle != whole else []
         steps.append((whole, _COLUMNS, folder / "whole.transport" if output is None else output.absolute()))
         settings = {
