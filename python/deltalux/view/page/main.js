@@ -2,7 +2,8 @@
 //
 // For tests and the curious: `window.deltalux` has `frame` (header of the last frame), `layers` (name -> the full
 // picture or mesh as shown, Float32Array or half floats as Uint16Array), `readPixels()` (the canvas, RGBA, rows from
-// the top), `state` (as shared), `view` (this page's own) and `fps` (frames shown in the last second).
+// the top), `stats` (the last that came), `state` (as shared), `view` (this page's own) and `fps` (frames shown in the
+// last second).
 
 import { mountCubemap } from "./cubemap.js";
 import { Connection } from "./connection.js";
@@ -128,18 +129,20 @@ function follow(seconds) {
 /** Asks for the layers that are looked at, when that changes. */
 function want() {
   if (!app.welcome) return;
-  const { mode, wipe, with: other, probed, exposure, tone } = app.view.values;
+  const { mode, wipe, with: other, probed, exposure, tone, luminance, zebra } = app.view.values;
   const layers = [];
   if (app.shared.values.method?.b) layers.push("b");
-  if (!app.compares) return ask({ layers, maps: false, exposure, tone });
+  // A JPEG does for looking at; what is measured or compared is sent as it is.
+  const looks = mode === "beauty" && !wipe && !probed && !luminance && !zebra;
+  const shown = { quality: looks ? "auto" : "lossless", exposure: Number(exposure.toFixed(2)), tone };
+  if (!app.compares) return ask({ layers, maps: false, ...shown });
   if (["error", "ghosts", "difference"].includes(mode) || (wipe && other === "exact") || probed) layers.push("exact");
   if (mode === "bound" || probed) layers.push("bound");
   const maps = Boolean(app.welcome.columns?.size) && (!narrow.matches || document.body.classList.contains("open"));
-  ask({ layers, maps, exposure, tone });
+  ask({ layers, maps, ...shown });
 }
 
-function ask({ layers, maps, exposure, tone }) {
-  const message = { layers, maps, quality: "auto", exposure: Math.round(exposure * 4) / 4, tone };
+function ask(message) {
   const text = JSON.stringify(message);
   if (text === wanted) return;
   wanted = text;
@@ -149,7 +152,7 @@ function ask({ layers, maps, exposure, tone }) {
 // What arrives
 
 function text(message) {
-  if (message.welcome) return begin(message.welcome);
+  if (message.welcome) return greet(message.welcome);
   if (message.replaced) return begin(message.replaced);
   if (message.state) app.shared.set(message.state, "there");
   if (message.view) app.tell("opened", message.view);
@@ -159,11 +162,16 @@ function text(message) {
   if (message.progress) progress(message.progress);
 }
 
+/** Of a new connection, nothing is owed to the one before. */
+function greet(welcome) {
+  acks.length = 0;
+  changed.clear();
+  begin(welcome);
+}
+
 function begin(welcome) {
   app.welcome = welcome;
   wanted = "";
-  acks.length = 0;
-  changed.clear();
   shownAt.length = 0;
   $("lost").hidden = true;
   $("progress").hidden = true;
@@ -251,6 +259,9 @@ const api = {
     return stage.shown.layers;
   },
   readPixels: () => stage.pixels(),
+  get stats() {
+    return app.stats;
+  },
   get state() {
     return app.shared.values;
   },

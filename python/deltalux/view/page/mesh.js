@@ -45,7 +45,8 @@ export class Mesh {
     this.buffer("position", position);
     gl.vertexAttribPointer(0, 3, gl.FLOAT, false, 0, 0);
     gl.enableVertexAttribArray(0);
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
+    this.buffers.triangles = gl.createBuffer();
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.buffers.triangles);
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, triangles, gl.STATIC_DRAW);
     gl.bindVertexArray(null);
     this.bounds(position);
@@ -87,6 +88,12 @@ export class Mesh {
     gl.vertexAttribPointer(place, 3, this.layers[name] instanceof Uint16Array ? gl.HALF_FLOAT : gl.FLOAT, false, 0, 0);
     gl.enableVertexAttribArray(place);
     gl.bindVertexArray(null);
+  }
+
+  free() {
+    for (const buffer of Object.values(this.buffers)) this.gl.deleteBuffer(buffer);
+    this.gl.deleteVertexArray(this.array ?? null);
+    this.programs.free();
   }
 
   draw(view, camera) {

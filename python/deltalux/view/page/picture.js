@@ -64,15 +64,15 @@ export class Picture {
     return texture;
   }
 
-  /** Rows of a layer, as halves or floats. */
-  put(name, values, y, height) {
+  /** Whole rows of a layer from `y` on, as halves or floats. */
+  put(name, values, y) {
     const { gl } = this;
-    const [width, rows] = this.size;
-    this.layers[name] = put(this.layers[name], width * rows * 3, y * width * 3, values);
+    const [width, height] = this.size;
+    this.layers[name] = put(this.layers[name], width * height * 3, y * width * 3, values);
     if (name === "a") this.displayed = false;
     gl.bindTexture(gl.TEXTURE_2D, this.texture(name, gl.RGB16F));
     const type = values instanceof Uint16Array ? gl.HALF_FLOAT : gl.FLOAT;
-    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, y, width, height, gl.RGB, type, values);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, y, width, values.length / (3 * width), gl.RGB, type, values);
   }
 
   /** A whole layer as the display shows it. */
@@ -86,7 +86,12 @@ export class Picture {
 
   /** Keeps the picture as it is now, to compare with. */
   keep() {
-    if (this.layers.a) this.put("kept", floats(this.layers.a).slice(), 0, this.size[1]);
+    if (this.layers.a) this.put("kept", floats(this.layers.a).slice(), 0);
+  }
+
+  free() {
+    for (const { texture } of Object.values(this.textures)) this.gl.deleteTexture(texture);
+    this.programs.free();
   }
 
   draw(view) {

@@ -11,7 +11,7 @@ const LINES = [
   ["not sent", KINDS[1], ({ a }) => a.relative_pending ?? a.pending],
   ["truncated", KINDS[2], ({ a }) => a.relative_truncation ?? a.truncation],
 ];
-const LEAST = 1e-6;
+const LEAST = 1e-5;
 const LEFT = 46;
 const BOTTOM = 4;
 
@@ -112,7 +112,7 @@ function drawErrors(plot, past) {
   const { pen, height, across } = plot;
   const all = past.flatMap((stats) => LINES.map(([, , of]) => of(stats)).filter((value) => value > LEAST));
   const high = Math.ceil(Math.log10(Math.max(1e-2, ...all)));
-  const low = Math.min(high - 2, Math.floor(Math.log10(Math.min(1e-3, ...all))));
+  const low = Math.min(high - 2, Math.floor(Math.log10(Math.min(1e-3, ...all)) + 1e-9));
   const up = (value) => 6 + ((high - Math.log10(Math.max(value, 10 ** low))) * (height - BOTTOM - 8)) / (high - low);
   const written = past.at(-1)?.a.relative_pending === undefined ? readable : percent;
   for (let decade = low; decade <= high; decade += Math.ceil((high - low) / 5)) {

@@ -114,6 +114,10 @@ export class Programs {
     return at;
   }
 
+  free() {
+    for (const { program } of this.made.values()) this.gl.deleteProgram(program);
+  }
+
   make(defines) {
     const { gl } = this;
     const program = gl.createProgram();
@@ -121,6 +125,7 @@ export class Programs {
     gl.attachShader(program, shader(gl, gl.FRAGMENT_SHADER, defines + SHADING + this.fragment));
     this.attributes.forEach((name, place) => gl.bindAttribLocation(program, place, name));
     gl.linkProgram(program);
+    for (const part of gl.getAttachedShaders(program)) gl.deleteShader(part);
     const stands = gl.getProgramParameter(program, gl.LINK_STATUS) || gl.isContextLost();
     if (!stands) throw new Error(gl.getProgramInfoLog(program));
     return { program, places: {} };

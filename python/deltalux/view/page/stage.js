@@ -28,6 +28,8 @@ export class Stage {
     Object.assign(this.canvas, { width, height });
     this.size = [width, height];
     this.camera = camera && { ...camera, ...this.app.shared.values.camera };
+    this.picture?.free();
+    this.mesh?.free();
     this.picture = new Picture(this.gl, width, height);
     this.mesh = kind === "vertices" ? new Mesh(this.gl, width, height) : null;
     this.still = false;
@@ -45,9 +47,9 @@ export class Stage {
   // What arrives
 
   frame(parts) {
-    for (const { name, values, y, height, first } of parts) {
-      if (this.mesh) this.mesh.put(name, values, first ?? 0);
-      else this.picture.put(name, values, y ?? 0, height ?? this.size[1]);
+    for (const { name, values, y, first } of parts) {
+      if (this.mesh) this.mesh.put(name, values, first);
+      else this.picture.put(name, values, y);
     }
     if (parts.length) this.still = false;
     this.app.redraw();
@@ -57,7 +59,7 @@ export class Stage {
   rest(values, camera) {
     const near = (a, b) => a.every((value, k) => Math.abs(value - b[k]) < 1e-6 * (1 + Math.abs(value)));
     if (!["position", "target"].every((name) => near(camera[name], this.camera[name]))) return;
-    this.picture.put("a", values, 0, this.size[1]);
+    this.picture.put("a", values, 0);
     this.still = true;
     this.app.redraw();
   }
