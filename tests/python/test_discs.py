@@ -1,13 +1,12 @@
 """Discs and paint as light: their place, their flux, and that tints share maps."""
 
+import deltalux as dl
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-
-import deltalux as dl
 from deltalux.light.layouts import face_directions
 from deltalux.light.skies import toward
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 FACE = 64
 
@@ -48,7 +47,9 @@ def test_a_tint_shares_the_map_and_is_what_a_tinted_map_would_be():
     tinted = hall * tint
     assert tinted._layers[0][1] is hall._layers[0][1]
     np.testing.assert_allclose(tinted.cubemap(16), hall.cubemap(16) * tint, rtol=1e-5)
-    np.testing.assert_allclose(dl.Haar(8).coefficients(tinted), dl.Haar(8).coefficients(hall) * tint, rtol=1e-5, atol=1e-6)
+    np.testing.assert_allclose(
+        dl.Haar(8).coefficients(tinted), dl.Haar(8).coefficients(hall) * tint, rtol=1e-5, atol=1e-6
+    )
     directions = np.eye(3)
     np.testing.assert_allclose(tinted.radiance(directions), hall.radiance(directions) * tint, rtol=1e-5)
 

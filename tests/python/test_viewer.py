@@ -5,10 +5,9 @@ import json
 import socket
 import time
 
+import deltalux as dl
 import numpy as np
 import pytest
-
-import deltalux as dl
 from deltalux.io import load_image
 from deltalux.viewer.lights import Group, Lights
 from deltalux.viewer.messages import packed

@@ -108,6 +108,9 @@ class Client:
             self._stage.seen[self] = self._layers
             for name in fresh:
                 self._had.pop(name, None)
+            if "exact" in fresh:
+                # What is known already is sent again, though nothing moves.
+                self._off = 0
             if fresh & {"b", "bound"}:
                 self._stage.wake()
             self._stage.changed.notify_all()
@@ -201,8 +204,6 @@ class Client:
             self._off = off.number
             if "exact" in self._layers:
                 parts += self._strips("exact", halves(off.layer))
-        elif "exact" in self._layers and "exact" not in self._had and off is not None:
-            parts += self._strips("exact", halves(off.layer))
         stats = {**shot.stats, "number": shot.number, "rate": stage.rate}
         if off is not None:
             stats |= {"error": off.error, "error_b": off.error_b, "age": time.monotonic() - off.at}
