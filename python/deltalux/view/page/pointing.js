@@ -41,7 +41,8 @@ export function mountPointing(app, stage) {
     up: (event) => {
       pointers.delete(event.pointerId);
       const at = stage.pixel(event).map(Math.floor);
-      if (way < CLICK && event.type === "pointerup" && stage.holds(at)) app.tell("click", ...at);
+      const clicks = way < CLICK && event.type === "pointerup";
+      if (clicks && !stage.mesh && stage.holds(at)) app.tell("click", ...at);
     },
   });
   canvas.addEventListener("pointermove", (event) => {
@@ -83,7 +84,7 @@ export function mountPointing(app, stage) {
     if (event.key === "+" || event.key === "=") near(1.25);
     else if (event.key === "-") near(0.8);
     else if (event.key === "0") stage.fit();
-    else if (event.key === "Enter") ask();
+    else if (event.key === "Enter" && !stage.mesh) ask();
     else if (!step) return false;
     else if (event.shiftKey) app.tell("turn", -0.25 * KEY_STEP * step[0], -0.25 * KEY_STEP * step[1], event.altKey);
     else if (stage.mesh) orbit(KEY_STEP * step[0], KEY_STEP * step[1], event.ctrlKey);
@@ -109,7 +110,8 @@ export function mountPointing(app, stage) {
     const at = app.view.values.probed;
     const three = ([title, name]) => title + stage.picture.at(name, ...at).map(readable).join(" ");
     const read = at && READ.filter(([, name]) => stage.picture.layers[name]).map(three);
-    const hint = HINTS[stage.mesh ? "mesh" : "picture"] + (app.welcome.columns?.size ? HINTS.look : "");
+    const picture = HINTS.picture + (app.welcome.columns?.size ? HINTS.look : "");
+    const hint = stage.mesh ? HINTS.mesh : picture;
     $("probe").textContent = read ? `(${at.join(", ")})  ${read.join("  |  ")}` : hint;
   };
   app.on("welcome", app.showProbe);

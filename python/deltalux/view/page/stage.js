@@ -8,6 +8,8 @@ import { Picture } from "./picture.js";
 // From this many pixels of the display for one of the picture on, that one is a square.
 const PIXELATED = 2.5;
 const LARGEST = 64;
+// Pixels along the longer edge of a mesh.
+const LEAST = 512;
 
 export class Stage {
   constructor(app) {
@@ -24,7 +26,11 @@ export class Stage {
     app.shared.on((keys) => keys.includes("camera") && this.moved());
   }
 
-  begin({ kind, width, height, camera }) {
+  begin(welcome) {
+    const { kind, camera } = welcome;
+    // A mesh can be drawn finer than the scene's own camera has pixels.
+    const times = kind === "vertices" ? Math.max(1, Math.ceil(LEAST / Math.max(welcome.width, welcome.height))) : 1;
+    const [width, height] = [welcome.width * times, welcome.height * times];
     Object.assign(this.canvas, { width, height });
     this.size = [width, height];
     this.camera = camera && { ...camera, ...this.app.shared.values.camera };
@@ -57,6 +63,7 @@ export class Stage {
 
   /** The exact picture of a mesh that rests; of a camera that has moved on since, it is nothing. */
   rest(values, camera) {
+    if (values.length !== 3 * this.size[0] * this.size[1]) return;
     const near = (a, b) => a.every((value, k) => Math.abs(value - b[k]) < 1e-6 * (1 + Math.abs(value)));
     if (!["position", "target"].every((name) => near(camera[name], this.camera[name]))) return;
     this.picture.put("a", values, 0);
