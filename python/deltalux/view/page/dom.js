@@ -81,13 +81,13 @@ export const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
 
 const rounded = (value, step) => (step ? Math.round(value / step) * step : value);
 
-/** A number in at most four digits, without zeros at its end. */
+/** A number in three digits, or whole, without zeros at its end. */
 export function readable(value) {
   if (value === null || value === undefined || Number.isNaN(value)) return "–";
   if (value === 0) return "0";
   const size = Math.abs(value);
   if (size < 1e-3 || size >= 1e6) return value.toExponential(1);
-  return String(Number(value.toPrecision(size >= 1000 ? 6 : 3)));
+  return String(size >= 1000 ? Math.round(value) : Number(value.toPrecision(3)));
 }
 
 export const percent = (share) => (share === null || share === undefined ? "–" : `${readable(100 * share)} %`);

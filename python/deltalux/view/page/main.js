@@ -33,7 +33,9 @@ const app = {
   shared: new Store(),
   view: new Store({
     mode: "beauty", tone: "agx", exposure: 0, locked: false, wipe: false, with: "exact", at: 0.5,
-    luminance: false, zebra: false, full: 1, probed: null,
+    luminance: false, zebra: false, probed: null,
+    // Full scale of the maps, shares of white.
+    full: { error: 1, ghosts: 0.1, bound: 10 },
   }),
   welcome: null,
   stats: null,

@@ -91,28 +91,34 @@ function panel(app, side) {
   };
 }
 
-function showReadouts(stats) {
-  if (!stats.a) return;
-  $("converged").hidden = !stats.a.converged;
-  $("late").hidden = !stats.a.late;
-  const rows = readouts(stats).map(([name, value]) =>
-    div("", element("dt", { textContent: name }), element("dd", { textContent: value })));
-  $("readouts").replaceChildren(...rows);
+function showReadouts({ a, b, error, error_b: errorB, age }) {
+  if (!a) return;
+  $("converged").hidden = !a.converged;
+  $("late").hidden = !a.late;
+  list($("readouts"), [...ofFrame(a, b ? "A frame" : "frame"), ...ofError(error, age), ...ofBound(a)]);
+  $("readouts-b").hidden = !b;
+  if (b) list($("readouts-b"), [...ofFrame(b, "B frame"), ...ofError(errorB, age), ...ofBound(b)]);
 }
 
-/** What a frame says of itself, as names and texts. */
-function readouts({ a, b, error, error_b: errorB, age }) {
-  const told = [["frame", `${readable(1000 * a.seconds)} ms`], ["columns sent", readable(a.columns)]];
-  const { resets, relative_pending: pending, relative_truncation: truncation } = a;
+function list(target, told) {
+  target.replaceChildren(...told.map(([name, value]) =>
+    div("", element("dt", { textContent: name }), element("dd", { textContent: value }))));
+}
+
+function ofFrame({ seconds, columns, resets }, name) {
+  const told = [[name, `${readable(1000 * seconds)} ms`], ["columns sent", readable(columns)]];
   if (resets?.length) told.push(["reset", resets.length > 3 ? `${resets.length} bands` : `band ${resets.join(", ")}`]);
-  if (error !== undefined) told.push(["error", percent(error) + (age > OLD ? ` · ${readable(age)} s ago` : "")]);
+  return told;
+}
+
+const ofError = (error, age) =>
+  error === undefined ? [] : [["error", percent(error) + (age > OLD ? ` · ${readable(age)} s ago` : "")]];
+
+function ofBound({ relative_pending: pending, relative_truncation: truncation, ...absolute }) {
   if (Number.isFinite(pending)) {
     const whole = percent(pending + (truncation ?? 0));
-    told.push(["bound", `${whole} = ${percent(pending)} not sent + ${percent(truncation)} truncated`]);
-  } else if (Number.isFinite(a.pending)) {
-    told.push(["bound", `${readable(a.pending)} not sent + ${readable(a.truncation)} truncated`]);
+    return [["bound", `${whole} = ${percent(pending)} not sent + ${percent(truncation)} truncated`]];
   }
-  const beside = () => `${readable(1000 * b.seconds)} ms · ${readable(b.columns)} columns · error ${percent(errorB)}`;
-  if (b) told.push(["B", beside()]);
-  return told;
+  if (!Number.isFinite(absolute.pending)) return [];
+  return [["bound", `${readable(absolute.pending)} not sent + ${readable(absolute.truncation)} truncated`]];
 }

@@ -5,9 +5,8 @@ import { SIGNS, SIZES } from "./colours.js";
 export const MODES = ["beauty", "error", "ghosts", "bound", "difference"];
 const TONES = ["srgb", "agx", "raw"];
 const OTHERS = ["none", "exact", "b", "kept"];
-// Maps of error and bound show this many decades below full scale; ghosts are linear, up to this share of it.
+// Maps of error and bound show this many decades below full scale; ghosts are linear.
 export const DECADES = 3;
-export const GHOSTS = 0.1;
 // False colours of luminance: stops about middle grey.
 export const STOPS = 6;
 
@@ -52,7 +51,7 @@ vec3 shade(vec3 shown, vec3 exact, vec3 bound, vec2 pixel) {
 #if MODE == 1
   return along(${ramp(SIZES)}, decades(max(abs(apart.r), max(abs(apart.g), abs(apart.b)))));
 #elif MODE == 2
-  return along(${ramp(SIGNS)}, 0.5 + 0.5 * dot(apart, LUMINANCE) / (${GHOSTS} * full));
+  return along(${ramp(SIGNS)}, 0.5 + 0.5 * dot(apart, LUMINANCE) / full);
 #elif MODE == 3
   vec3 most = bound * gain;
   return along(${ramp(SIZES)}, decades(max(most.r, max(most.g, most.b))));
@@ -109,7 +108,7 @@ export class Programs {
     gl.useProgram(program);
     const at = (name) => (places[name] ??= gl.getUniformLocation(program, name));
     gl.uniform1f(at("gain"), 2 ** view.exposure);
-    gl.uniform1f(at("full"), view.full);
+    gl.uniform1f(at("full"), view.full[view.mode] ?? 1);
     gl.uniform1f(at("wipe"), view.at);
     return at;
   }

@@ -1,9 +1,9 @@
 // How the picture is shown: what of it, exposure and tone curve, its legend and histogram; and the page's own colours.
 
 import { along, SIGNS, SIZES, themed } from "./colours.js";
-import { $, choices, element, percent, pressed, slider } from "./dom.js";
+import { $, choices, clamp, element, percent, pressed, slider } from "./dom.js";
 import { floats } from "./layers.js";
-import { DECADES, GHOSTS, MODES, STOPS } from "./shading.js";
+import { DECADES, MODES, STOPS } from "./shading.js";
 
 const EXPOSURE = { low: -12, high: 12, step: 0.05, unit: "stops" };
 const SAMPLES = 4000;
@@ -48,6 +48,12 @@ export function mountShowing(app, stage) {
   });
   app.shared.on(() => app.soon("view", update));
   app.on("welcome", update);
+  app.rescale = (times) => {
+    const { mode, full } = view.values;
+    if (full[mode]) view.set({ full: { ...full, [mode]: clamp(full[mode] * times, 1e-6, 1e4) } });
+  };
+  $("finer").onclick = () => app.rescale(0.1);
+  $("coarser").onclick = () => app.rescale(10);
   app.showHistogram = () => drawHistogram($("histogram"), sampled(stage.shown.layers.a), view.values.exposure);
   mountTheme(app);
 
@@ -66,9 +72,11 @@ export function mountShowing(app, stage) {
   }
 }
 
-function showLegend({ mode, full, luminance }) {
+function showLegend({ mode, full: scales, luminance }) {
+  const full = scales[mode];
+  $("legend-scale").hidden = !full;
   const decades = Array.from({ length: DECADES + 1 }, (_, k) => percent(full * 10 ** (k - DECADES)));
-  const signs = [`−${percent(GHOSTS * full)} too dark`, `+${percent(GHOSTS * full)} too bright`];
+  const signs = [`−${percent(full)} dark`, "0", `+${percent(full)} bright`];
   const stops = [`−${STOPS}`, `−${STOPS / 2}`, "0", `+${STOPS / 2}`, `+${STOPS}`];
   const [title, ramp, ticks] = {
     error: ["Error |a − exact|, of white", SIZES, decades],
