@@ -1,4 +1,4 @@
-// The socket: hello, what is sent once per animation frame, acknowledgements, and coming back after a loss.
+// The socket: hello, what is sent, and coming back after a loss.
 
 const TOKEN = "deltalux-token";
 const REFUSED = 4401;
@@ -69,13 +69,12 @@ export class Connection {
     if (this.ready) this.socket.send(JSON.stringify(message));
   }
 
-  /** To be sent with the next animation frame, after the state. */
+  /** To be sent with the next animation frame, after changes of the state. */
   later(message) {
     this.queue.push(message);
   }
 
-  flush(state) {
-    if (state) this.now({ state });
+  flush() {
     for (const message of this.queue.splice(0)) this.now(message);
   }
 }

@@ -63,6 +63,7 @@ const narrow = matchMedia("(max-width: 860px)");
 narrow.onchange = () => wake();
 let dirty = false;
 let awake = false;
+let sent = false;
 let before = 0;
 const changed = new Set();
 const firsts = [];
@@ -74,6 +75,8 @@ let wanted = "";
 app.history = new History(app.shared);
 app.shared.on((keys, from) => {
   if (from === "here") keys.forEach((key) => changed.add(key));
+  // The first change since the last frame goes out at once, those that follow with the next frame, the newest of each.
+  if (changed.size && !sent) queueMicrotask(sendState);
   wake();
 });
 app.view.on(() => wake());
@@ -104,8 +107,9 @@ function tick(now) {
   before = now;
   for (const act of firsts.splice(0)) act();
   want();
-  connection.flush(changed.size ? pick(app.shared.values, [...changed]) : null);
-  changed.clear();
+  sendState();
+  connection.flush();
+  sent = false;
   if (!app.welcome) return;
   follow(seconds);
   if (dirty) stage.draw();
@@ -115,6 +119,12 @@ function tick(now) {
   for (const act of due) act();
   // A frame is acknowledged once it is drawn: a slow card slows the server, and a hidden page stops it.
   for (const n of acks.splice(0)) connection.now({ ack: n });
+}
+
+function sendState() {
+  if (changed.size) connection.now({ state: pick(app.shared.values, [...changed]) });
+  changed.clear();
+  sent = true;
 }
 
 /** The exposure goes to what the picture asks for, smoothly, until it is locked. */
