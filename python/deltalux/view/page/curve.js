@@ -89,7 +89,7 @@ export function mountCurve(app) {
       return share < 1e-3 ? three : held.map((one) => one * ratio ** share);
     });
     now[name] = { ...now[name], values: pulled };
-    put({ theta: angles, values: pulled });
+    put({ theta: angles, values: pulled.map(mean) });
     draw();
   }
 

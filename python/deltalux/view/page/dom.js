@@ -2,6 +2,9 @@
 
 export const $ = (id) => document.getElementById(id);
 
+/** A name as a part of an id. */
+export const plain = (name) => name.replace(/[^\w.-]+/g, "-");
+
 export function element(tag, properties = {}, ...children) {
   const made = document.createElement(tag);
   for (const [name, value] of Object.entries(properties)) {

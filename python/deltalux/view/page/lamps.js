@@ -14,6 +14,7 @@ export function mountLamps(app, stage) {
   const lamps = () => app.shared.values.lamps ?? [];
   const put = (list) => app.shared.set({ lamps: list });
   const change = (id, changes) => put(lamps().map((lamp) => (lamp.id === id ? { ...lamp, ...changes } : lamp)));
+  const aims = ({ kind }) => kind !== "point";
 
   app.on("welcome", () => {
     $("studio-lamps").hidden = !app.shared.values.lamps;
@@ -21,7 +22,7 @@ export function mountLamps(app, stage) {
       for (const one of held.values()) one.element.remove();
       held.clear();
     }
-    const kinds = ["point", "spot"].map((kind) => button(`add-${kind}`, `+ ${kind}`, () => addLamp(kind)));
+    const kinds = ["point", "spot", "area"].map((kind) => button(`add-${kind}`, `+ ${kind}`, () => addLamp(kind)));
     $("studio-lamps-body").replaceChildren(div("row", ...kinds));
     update();
   });
@@ -32,14 +33,16 @@ export function mountLamps(app, stage) {
     const { camera } = app.welcome;
     const { right, up } = frame(camera);
     const away = Math.hypot(...add(camera.position, camera.target, -1));
-    const position = add(add(camera.target, up, 0.4 * away), right, 0.3 * away);
+    const reach = away * Math.tan((camera.fov * Math.PI) / 360);
+    // Where the picture shows it, each a little further to the side.
+    const position = add(add(camera.target, up, 0.6 * reach), right, (0.1 + 0.15 * lamps().length) * reach);
     const taken = new Set(lamps().map((lamp) => lamp.id));
     let number = 1;
     while (taken.has(`l${number}`)) number += 1;
     // As bright at the target as a lamp of intensity 1 at distance 1.
     const intensity = Array(3).fill(away * away);
-    const aimed = kind === "spot" ? { target: camera.target, angle: 30 } : { target: null, angle: null };
-    put([...lamps(), { id: `l${number}`, kind, position, size: null, intensity, ...aimed }]);
+    const lamp = { id: `l${number}`, kind, position, target: camera.target, angle: 30, size: 0.1 * away, intensity };
+    put([...lamps(), lamp]);
   }
 
   function update() {
@@ -59,19 +62,19 @@ export function mountLamps(app, stage) {
     place();
   }
 
-  function lampRow({ id, kind, angle, intensity }) {
-    const most = Math.max(1e-3, ...intensity);
-    const range = { low: most / 1000, high: most * 1000, scale: "log" };
-    const strength = coloured(`intensity-${id}`, "Strength", range, (value) => change(id, { intensity: value }));
-    const cone = angle && slider(`angle-${id}`, "Angle", ANGLES, (value) => change(id, { angle: value }));
+  function lampRow({ id, kind, size, intensity }) {
+    const about = (value) => ({ low: value / 1000, high: value * 1000, scale: "log" });
+    const set = (value) => change(id, { intensity: value });
+    const sliders = { intensity: coloured(`intensity-${id}`, "Strength", about(Math.max(1e-3, ...intensity)), set) };
+    if (kind === "spot") sliders.angle = slider(`angle-${id}`, "Angle", ANGLES, (angle) => change(id, { angle }));
+    if (kind === "area") sliders.size = slider(`size-${id}`, "Edge", about(size), (edge) => change(id, { size: edge }));
     const takeAway = () => put(lamps().filter((lamp) => lamp.id !== id));
     const remove = button(`remove-${id}`, "×", takeAway, { ariaLabel: `Remove ${id}` });
     const head = div("head", element("b", { className: "name", textContent: `${kind} · ${id}` }), remove);
     return {
-      element: div("group", head, strength.element, ...(cone ? [cone.element] : [])),
+      element: div("group", head, ...Object.values(sliders).map((one) => one.element)),
       update(lamp) {
-        strength.set(lamp.intensity);
-        if (cone) cone.set(lamp.angle);
+        for (const [name, one] of Object.entries(sliders)) one.set(lamp[name]);
       },
     };
   }
@@ -81,7 +84,7 @@ export function mountLamps(app, stage) {
     if (!stage.camera || !stage.scale) return;
     const points = lamps().flatMap((lamp) => [
       { key: lamp.id, lamp, name: "position" },
-      ...(lamp.target ? [{ key: `${lamp.id}-target`, lamp, name: "target" }] : []),
+      ...(aims(lamp) ? [{ key: `${lamp.id}-target`, lamp, name: "target" }] : []),
     ]);
     for (const [key, handle] of handles) {
       if (points.some((point) => point.key === key)) continue;

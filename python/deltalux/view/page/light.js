@@ -1,7 +1,7 @@
 // The panel of light: environments to swap in, a fade between two, and the groups that make up the light.
 
 import { fromHex, toHex } from "./colours.js";
-import { $, button, choices, div, element, pressed, slider } from "./dom.js";
+import { $, button, choices, div, element, plain, pressed, slider } from "./dom.js";
 
 const MOST = 16;
 const SHARED = { gain: 0, tint: [1, 1, 1], mute: false, solo: false };
@@ -67,7 +67,7 @@ export function mountLight(app) {
   };
 
   app.on("welcome", () => {
-    const { sources } = app.welcome;
+    const { sources = [] } = app.welcome;
     $("light").hidden = !app.shared.values.light;
     $("add-environment").hidden = $("fade").hidden = sources.length === 0;
     $("thumbs").replaceChildren(...sources.map(thumb));
@@ -84,7 +84,7 @@ export function mountLight(app) {
       if (group) changeGroup(app, group.id, { source: name });
       else app.addGroup({ id: freeId(app, "e"), kind: "environment", source: name, turn: UNTURNED });
     };
-    const made = button(`thumb-${name}`, "", act, { className: "thumb", title: `Light by ${name}` });
+    const made = button(`thumb-${plain(name)}`, "", act, { className: "thumb", title: `Light by ${name}` });
     made.append(image, text);
     return made;
   }
@@ -93,7 +93,7 @@ export function mountLight(app) {
     const { light } = app.shared.values;
     if (!light || !app.welcome) return;
     const active = activeEnvironment(app);
-    for (const { name } of app.welcome.sources) pressed($(`thumb-${name}`), name === active?.source);
+    for (const { name } of app.welcome.sources ?? []) pressed($(`thumb-${plain(name)}`), name === active?.source);
     $("fade-to").value = light.blend?.source ?? "";
     $("fade-slot").hidden = !light.blend?.source;
     fade.set(light.blend?.t ?? 0);

@@ -2,11 +2,12 @@
 // and how much, and what is being edited.
 
 import { fromHex, toHex } from "./colours.js";
-import { $, button, choices, div, element, slider } from "./dom.js";
+import { $, button, choices, div, element, plain, slider } from "./dom.js";
 import { mountCurve } from "./curve.js";
 
 const SHARES = [["k_s", "Specular"], ["k_d", "Diffuse"]];
 const SHARE = { low: 0, high: 1 };
+const TINT = { low: 0, high: 2 };
 
 export function mountMaterials(app) {
   let rows = [];
@@ -59,14 +60,16 @@ function editing(app, materials) {
 function parameters(name, list, act) {
   return list.map(({ name: key, low, high, log }) => {
     const range = { low, high, scale: log ? "log" : "linear" };
-    return [key, slider(`${key}-${name}`, key, range, (value) => act({ [key]: value }))];
+    return [key, slider(`${key}-${plain(name)}`, key, range, (value) => act({ [key]: value }))];
   });
 }
 
 function curveRow(app, { name, parameters: list, colour }, curve) {
+  // A parameter that moves takes the place of what was drawn.
   const act = (changes) => change(app, name, changes, { curves: { ...app.shared.values.curves, [name]: null } });
-  const sliders = parameters(name, list, act);
-  const title = button(`material-${name}`, name, () => curve.choose(name), { className: "name" });
+  const tint = coloured(`colour-${plain(name)}`, "colour", TINT, (value) => change(app, name, { colour: value }));
+  const sliders = [...parameters(name, list, act), ["colour", tint]];
+  const title = button(`material-${plain(name)}`, name, () => curve.choose(name), { className: "name" });
   const patch = element("span", { className: "patch" });
   patch.style.background = toHex(colour);
   const whole = div("group", div("head", patch, title), ...sliders.map(([, one]) => one.element));
@@ -74,17 +77,21 @@ function curveRow(app, { name, parameters: list, colour }, curve) {
     name,
     element: whole,
     update(values) {
-      for (const [key, one] of sliders) if (key in values) one.set(values[key]);
+      for (const [key, one] of sliders) {
+        one.element.hidden = !(key in values);
+        if (key in values) one.set(values[key]);
+      }
     },
   };
 }
 
 function familyRow(app, { name, parameters: list }) {
   const act = (changes) => change(app, name, changes);
-  const sliders = parameters(name, list, act);
-  const share = ([key, label]) => [key, coloured(`${key}-${name}`, label, SHARE, (value) => act({ [key]: value }))];
+  // Whose gamma moves is the one that is edited.
+  const sliders = parameters(name, list, (changes) => change(app, name, changes, { editing: name }));
+  const share = ([key, label]) => [key, coloured(`${key}-${plain(name)}`, label, SHARE, (value) => act({ [key]: value }))];
   const all = [...sliders, ...SHARES.map(share)];
-  const tint = element("input", { id: `colour-${name}`, type: "color", ariaLabel: `Colour of ${name}` });
+  const tint = element("input", { id: `colour-${plain(name)}`, type: "color", ariaLabel: `Colour of ${name}` });
   tint.oninput = () => act({ colour: fromHex(tint.value) });
   const head = div("head", element("b", { className: "name", textContent: name }), tint);
   const whole = div("group", head, ...all.map(([, one]) => one.element));

@@ -119,6 +119,8 @@ function ofBound({ relative_pending: pending, relative_truncation: truncation, .
     const whole = percent(pending + (truncation ?? 0));
     return [["bound", `${whole} = ${percent(pending)} not sent + ${percent(truncation)} truncated`]];
   }
-  if (!Number.isFinite(absolute.pending)) return [];
-  return [["bound", `${readable(absolute.pending)} not sent + ${readable(absolute.truncation)} truncated`]];
+  const named = [["pending", "not sent"], ["truncation", "truncated"]];
+  const parts = named.filter(([key]) => Number.isFinite(absolute[key]));
+  const told = parts.map(([key, name]) => `${readable(absolute[key])} ${name}`);
+  return told.length ? [["bound", told.join(" + ")]] : [];
 }
