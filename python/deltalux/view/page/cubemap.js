@@ -9,12 +9,14 @@ import { middle } from "./strip.js";
 // Where faces +X -X +Y -Y +Z -Z lie in the cross, in faces from the left and the top.
 const PLACES = [[2, 1], [0, 1], [1, 0], [1, 2], [1, 1], [3, 1]];
 const MIDDLE = 0.18;
+const MOST = 300;
 
 export function mountCubemap(app) {
   let row = null;
   let applied = null;
   let asked = null;
   let sent = [];
+  let drawn = true;
 
   app.on("welcome", () => {
     const { columns } = app.welcome;
@@ -42,8 +44,10 @@ export function mountCubemap(app) {
   });
   app.on("stats", (stats) => {
     if (!stats.a?.sent || $("maps").hidden) return;
-    sent = stats.a.sent;
-    if (applied) app.soon("maps", drawRight);
+    // All that was sent since the squares were drawn: frames are more than drawings.
+    sent = drawn ? stats.a.sent : [...sent, ...stats.a.sent].slice(-MOST);
+    drawn = false;
+    if (applied) app.soon("maps", drawRight, app.often);
   });
 
   app.on("click", (x, y) => {
@@ -74,6 +78,7 @@ export function mountCubemap(app) {
   function drawRight() {
     const canvas = $("map-applied");
     const size = app.welcome.columns.size;
+    drawn = true;
     drawCross(canvas, applied, MIDDLE / middle(asked ?? applied), encoded);
     const pen = canvas.getContext("2d");
     const scale = canvas.width / (4 * size);

@@ -19,7 +19,9 @@ function halves() {
 /** Half floats (as Uint16Array) or floats as floats. */
 export function floats(values) {
   if (values instanceof Float32Array) return values;
-  return Float32Array.from(values, (bits) => HALVES[bits]);
+  const found = new Float32Array(values.length);
+  for (let k = 0; k < found.length; k++) found[k] = HALVES[values[k]];
+  return found;
 }
 
 /** One value of a layer. */

@@ -33,12 +33,14 @@ const app = {
   shared: new Store(),
   view: new Store({
     mode: "beauty", tone: "agx", exposure: 0, locked: false, wipe: false, with: "exact", at: 0.5,
-    luminance: false, zebra: false, probed: null,
+    luminance: false, zebra: false, probed: null, studied: false,
     // Full scale of the maps, shares of white.
     full: { error: 1, ghosts: 0.1, bound: 10 },
   }),
   welcome: null,
   stats: null,
+  // What is read rather than seen is drawn again after this many milliseconds: each takes its part of a frame.
+  often: 100,
   listeners: {},
   on: (kind, act) => (app.listeners[kind] ??= []).push(act),
   tell: (kind, ...told) => app.listeners[kind]?.forEach((act) => act(...told)),
@@ -46,8 +48,8 @@ const app = {
   redraw: () => ((dirty = true), wake()),
   /** Runs once before what is queued goes out with the next frame. */
   before: (act) => (firsts.push(act), wake()),
-  /** Runs once with the next frame, however often it was asked for. */
-  soon: (name, act) => (pending.set(name, act), wake()),
+  /** Runs once with the next frame, however often it was asked for; and no sooner than `every` milliseconds after. */
+  soon: (name, act, every = 0) => (pending.set(name, { act, every }), wake()),
   /** Keeps the picture as it was before the first edit, to compare with. */
   keepFirst: () => stage.picture.layers.kept || (stage.picture.keep(), app.view.set({ with: "kept" })),
   say,
@@ -68,6 +70,7 @@ let before = 0;
 const changed = new Set();
 const firsts = [];
 const pending = new Map();
+const ran = new Map();
 const acks = [];
 const shownAt = [];
 let wanted = "";
@@ -114,9 +117,16 @@ function tick(now) {
   follow(seconds);
   if (dirty) stage.draw();
   dirty = false;
-  const due = [...pending.values()];
-  pending.clear();
-  for (const act of due) act();
+  for (const [name, { act, every }] of [...pending]) {
+    const wait = (ran.get(name) ?? -Infinity) + every - now;
+    if (wait > 0) {
+      setTimeout(wake, wait);
+      continue;
+    }
+    pending.delete(name);
+    ran.set(name, now);
+    act();
+  }
   // A frame is acknowledged once it is drawn: a slow card slows the server, and a hidden page stops it.
   for (const n of acks.splice(0)) connection.now({ ack: n });
 }
@@ -141,15 +151,15 @@ function follow(seconds) {
 /** Asks for the layers that are looked at, when that changes. */
 function want() {
   if (!app.welcome) return;
-  const { mode, wipe, with: other, probed, exposure, tone, luminance, zebra } = app.view.values;
+  const { mode, wipe, with: other, studied, exposure, tone, luminance, zebra } = app.view.values;
   const layers = [];
   if (app.shared.values.method?.b) layers.push("b");
   // A JPEG does for looking at; what is measured or compared is sent as it is.
-  const looks = mode === "beauty" && !wipe && !probed && !luminance && !zebra;
+  const looks = mode === "beauty" && !wipe && !studied && !luminance && !zebra;
   const shown = { quality: looks ? "auto" : "lossless", exposure: Number(exposure.toFixed(2)), tone };
   if (!app.compares) return ask({ layers, maps: false, ...shown });
-  if (["error", "ghosts", "difference"].includes(mode) || (wipe && other === "exact") || probed) layers.push("exact");
-  if (mode === "bound" || probed) layers.push("bound");
+  if (["error", "ghosts", "difference"].includes(mode) || (wipe && other === "exact") || studied) layers.push("exact");
+  if (mode === "bound" || studied) layers.push("bound");
   const maps = Boolean(app.welcome.columns?.size) && (!narrow.matches || document.body.classList.contains("open"));
   ask({ layers, maps, ...shown });
 }
@@ -229,16 +239,11 @@ async function frame(header, parts, bytes) {
   const now = performance.now();
   shownAt.push(now);
   while (shownAt[0] < now - 1000) shownAt.shift();
-  app.soon("rate", () => ($("rate").textContent = `${shownAt.length} /s`));
-  app.soon("told", told);
+  app.soon("told", tell, app.often);
 }
 
-let toldAt = 0;
-/** What is read rather than seen needs no more than ten times a second. */
-function told() {
-  const now = performance.now();
-  if (now - toldAt < 100) return;
-  toldAt = now;
+function tell() {
+  $("rate").textContent = `${shownAt.length} /s`;
   if (app.view.values.probed) app.showProbe();
   app.showHistogram();
 }

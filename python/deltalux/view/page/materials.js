@@ -89,7 +89,9 @@ function familyRow(app, { name, parameters: list }) {
   const act = (changes) => change(app, name, changes);
   // Whose gamma moves is the one that is edited.
   const sliders = parameters(name, list, (changes) => change(app, name, changes, { editing: name }));
-  const share = ([key, label]) => [key, coloured(`${key}-${plain(name)}`, label, SHARE, (value) => act({ [key]: value }))];
+  const share = ([key, label]) => {
+    return [key, coloured(`${key}-${plain(name)}`, label, SHARE, (value) => act({ [key]: value }))];
+  };
   const all = [...sliders, ...SHARES.map(share)];
   const tint = element("input", { id: `colour-${plain(name)}`, type: "color", ariaLabel: `Colour of ${name}` });
   tint.oninput = () => act({ colour: fromHex(tint.value) });

@@ -39,7 +39,7 @@ export function mountMethod(app) {
     update();
   });
   app.shared.on((keys) => (keys.includes("method") || keys.includes("frozen")) && update());
-  app.on("stats", (stats) => showReadouts(stats));
+  app.on("stats", () => app.soon("readouts", () => showReadouts(app.stats), app.often));
 }
 
 function panel(app, side) {

@@ -33,7 +33,7 @@ export function mountPlots(app) {
     if (!stats.a) return;
     past.push(stats);
     if (past.length > FRAMES) past.shift();
-    app.soon("plots", draw);
+    app.soon("plots", draw, app.often);
   });
   app.on("theme", () => draw());
   new ResizeObserver(() => draw()).observe($("plot-time"));

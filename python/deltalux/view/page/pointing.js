@@ -7,6 +7,7 @@ import { nearer, orbited, panned } from "./mesh.js";
 // A pointer that moved less than this, in CSS pixels, has clicked.
 const CLICK = 4;
 const KEY_STEP = 40;
+const HOVER = 200;
 const HINTS = {
   mesh: "Drag flies round, ctrl-drag moves, the wheel nears",
   picture: "Point at the picture to read its values",
@@ -18,6 +19,7 @@ export function mountPointing(app, stage) {
   const { canvas } = stage;
   const pointers = new Map();
   let way = 0;
+  let timer = null;
 
   const near = (times) => (stage.mesh ? stage.look(nearer(stage.camera, 1 / times)) : stage.magnify(times));
   const orbit = (dx, dy, pans) => {
@@ -28,6 +30,7 @@ export function mountPointing(app, stage) {
   drags(canvas, {
     down: (event) => {
       way = 0;
+      study(app.view.values.probed);
       pointers.set(event.pointerId, event);
       canvas.focus({ preventScroll: true });
     },
@@ -49,7 +52,7 @@ export function mountPointing(app, stage) {
     pinch(event);
     probe(event);
   });
-  canvas.addEventListener("pointerleave", () => app.view.set({ probed: null }));
+  canvas.addEventListener("pointerleave", () => study(null));
   canvas.addEventListener("wheel", (event) => {
     event.preventDefault();
     const times = Math.exp(-0.0015 * event.deltaY);
@@ -103,7 +106,16 @@ export function mountPointing(app, stage) {
   function probe(event) {
     if (stage.mesh || event.buttons) return;
     const at = stage.pixel(event).map(Math.floor);
-    app.view.set({ probed: stage.holds(at) ? at : null });
+    if (!stage.holds(at)) return study(null);
+    app.view.set({ probed: at });
+    if (!app.view.values.studied) timer ??= setTimeout(() => app.view.set({ studied: true }), HOVER);
+  }
+
+  /** A pixel's values of now; exact one and bound are asked for once the pointer stays and nothing is dragged. */
+  function study(at) {
+    clearTimeout(timer);
+    timer = null;
+    app.view.set({ probed: at, studied: false });
   }
 
   app.showProbe = () => {

@@ -27,7 +27,7 @@ export class Store {
 // Changes within this many milliseconds are one step of undo: a drag, not its hundred moves.
 const TOGETHER = 600;
 const STEPS = 200;
-const UNDONE = new Set(["light", "method", "materials", "curves", "lamps", "background"]);
+const UNDONE = new Set(["light", "method", "materials", "curves", "editing", "lamps", "background"]);
 
 export class History {
   constructor(shared) {
