@@ -39,6 +39,8 @@ const app = {
   }),
   welcome: null,
   stats: null,
+  // Layers besides "a" that are kept up to date; others may still lie here from before.
+  wanted: [],
   // What is read rather than seen is drawn again after this many milliseconds: each takes its part of a frame.
   often: 100,
   listeners: {},
@@ -165,6 +167,7 @@ function want() {
 }
 
 function ask(message) {
+  app.wanted = message.layers;
   const text = JSON.stringify(message);
   if (text === wanted) return;
   wanted = text;

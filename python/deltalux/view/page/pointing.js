@@ -46,6 +46,7 @@ export function mountPointing(app, stage) {
       const at = stage.pixel(event).map(Math.floor);
       const clicks = way < CLICK && event.type === "pointerup";
       if (clicks && !stage.mesh && stage.holds(at)) app.tell("click", ...at);
+      probe(event);
     },
   });
   canvas.addEventListener("pointermove", (event) => {
@@ -120,8 +121,9 @@ export function mountPointing(app, stage) {
 
   app.showProbe = () => {
     const at = app.view.values.probed;
+    const there = ([, name]) => stage.picture.layers[name] && (name === "a" || app.wanted.includes(name));
     const three = ([title, name]) => title + stage.picture.at(name, ...at).map(readable).join(" ");
-    const read = at && READ.filter(([, name]) => stage.picture.layers[name]).map(three);
+    const read = at && READ.filter(there).map(three);
     const picture = HINTS.picture + (app.welcome.columns?.size ? HINTS.look : "");
     const hint = stage.mesh ? HINTS.mesh : picture;
     $("probe").textContent = read ? `(${at.join(", ")})  ${read.join("  |  ")}` : hint;
