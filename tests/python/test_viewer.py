@@ -1,6 +1,5 @@
 """The live view without a browser: what it sends, what it takes, and whom it lets in."""
 
-import contextlib
 import json
 import socket
 import time
@@ -12,6 +11,7 @@ from deltalux.io import load_image
 from deltalux.viewer.lights import Group, Lights
 from deltalux.viewer.messages import packed
 from deltalux.viewer.wavelets import squares
+from pages import page, welcomed
 
 websockets = pytest.importorskip("websockets", reason="the live view needs websockets")
 from websockets.exceptions import ConnectionClosed, InvalidStatus  # noqa: E402
@@ -30,76 +30,6 @@ def transport(tmp_path_factory):
 def view(transport):
     with dl.view(transport, browser=False, port=0) as view:
         yield view
-
-
-class Page:
-    """What a browser would be."""
-
-    def __init__(self, socket):
-        self.socket, self.words, self.kinds, self.layers, self.stats, self.acks = socket, [], [], {}, {}, True
-
-    def send(self, **message):
-        self.socket.send(json.dumps(message))
-
-    def read(self, until, seconds=20.0):
-        """Reads until a message is the one; gives it back."""
-        end = time.monotonic() + seconds
-        while (left := end - time.monotonic()) > 0:
-            message = self.socket.recv(timeout=left)
-            header, parts = self._unpacked(message)
-            if isinstance(message, bytes):
-                self.kinds.append(header["kind"])
-                if self.acks:
-                    self.send(ack=header["n"])
-                if header["kind"] == "frame":
-                    self._draw(parts)
-                    self.stats = header["stats"] or self.stats
-            else:
-                self.words.append(header)
-            if until(header):
-                return header, parts
-        raise AssertionError(f"nothing came of {self.kinds} and {[list(words) for words in self.words]}")
-
-    @staticmethod
-    def _unpacked(message):
-        if isinstance(message, str):
-            return json.loads(message), {}
-        size = int.from_bytes(message[:4], "little")
-        header = json.loads(message[4 : 4 + size])
-        start = -(-(4 + size) // 8) * 8
-        types = {"f16": np.float16, "f32": np.float32, "u32": np.uint32}
-        parts = {}
-        for part in header["parts"]:
-            data = message[start + part["offset"] :][: part["bytes"]]
-            dtype = types.get(part.get("type"))
-            array = data if dtype is None else np.frombuffer(data, dtype).astype(np.float32)
-            parts.setdefault(part["name"], []).append((part, array))
-        return header, parts
-
-    def _draw(self, parts):
-        for name, strips in parts.items():
-            for part, values in strips:
-                shape = (part["height"], part["width"], 3)
-                layer = self.layers.setdefault(name, np.zeros(shape, np.float32))
-                layer[part["y"] : part["y"] + part["rows"]] = values.reshape(part["rows"], part["width"], 3)
-
-    def still(self):
-        """Reads until the picture stands."""
-        self.read(lambda header: header.get("exact") is True)
-        return self.layers["a"]
-
-
-@contextlib.contextmanager
-def page(view, token=None, **options):
-    address, _, own = view.url.partition("/#")
-    options = {"origin": address, "max_size": 2**26, "compression": None, **options}
-    with connect(address.replace("http", "ws", 1) + "/live", **options) as socket:
-        socket.send(json.dumps({"hello": own if token is None else token}))
-        yield Page(socket)
-
-
-def welcomed(page):
-    return page.read(lambda header: "welcome" in header)[0]["welcome"]
 
 
 def turned(light, degrees):
@@ -475,3 +405,42 @@ def test_solo_mute_and_blend():
     half = Lights(sources, (hall,), blend=("sky", 0.5))
     np.testing.assert_allclose(V(half), (of["hall"] + of["sky"]) / 2, rtol=1e-5, atol=1e-6)
     assert not V(Lights(sources, ())).any()
+
+
+# What else is looked at: curves and studios where they are tested (`test_curves.py`, `test_studio.py`).
+
+
+def test_vertices_are_drawn_as_a_mesh_and_seen_by_the_camera(tmp_path):
+    scene = dl.Scene.builtin("cornell")
+    scene = scene.with_camera(scene.camera.resized(24, 18))
+    made = dl.precompute(scene, tmp_path / "v.transport", columns=dl.Haar(4), receivers="vertices", progress=False)
+    with dl.view(made, browser=False, port=0) as view, page(view) as own:
+        assert welcomed(own)["kind"] == "vertices"
+        own.draws = False
+        _, parts = own.read(lambda header: header.get("kind") == "mesh")
+        assert len(parts["position"][0][1]) == len(parts["normal"][0][1]) == 3 * len(made._views.shown)
+        camera = {"position": [0.0, 1.0, 3.5], "target": [0.1, 0.9, 0.0], "fov": 45.0}
+        own.send(state={"camera": camera})
+        header, parts = own.read(lambda header: header.get("kind") == "still" and header["camera"]["fov"] == 45.0)
+        env = dl.Environment.builtin("hall")
+        B = made.multiply(made.coefficients(env))
+        seen = dl.Camera((0.0, 1.0, 3.5), (0.1, 0.9, 0.0), vertical_fov=45.0, width=24, height=18)
+        wanted = made.render(seen, B, env)
+        found = parts["still"][0][1].reshape(18, 24, 3)
+        assert np.abs(found - wanted).max() <= 2e-3 * wanted.max()
+
+
+@pytest.mark.slow
+def test_a_scene_is_seen_at_once_and_grows_finer(tmp_path):
+    scene = dl.Scene.builtin("cornell")
+    scene = scene.with_camera(scene.camera.resized(120, 90))
+    with dl.view(scene, browser=False, port=0) as view, page(view) as own:
+        first = welcomed(own)
+        assert first["width"] == 96 and first["columns"]["size"] == 16
+        own.send(state={"background": "none"})
+        own.read(lambda header: "progress" in header, seconds=120)
+        replaced = own.read(lambda header: "replaced" in header, seconds=240)[0]["replaced"]
+        assert replaced["width"] == 120 and replaced["columns"]["size"] == 64
+        assert replaced["state"]["background"] == "none"
+        own.layers.clear()
+        assert own.still().shape == (90, 120, 3)

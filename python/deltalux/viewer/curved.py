@@ -92,10 +92,11 @@ class Curved(Subject):
             before = dict(self.editor._lobes), dict(self.editor._targets)
             materials, curves = {k: dict(v) for k, v in self._materials.items()}, dict(self._curves)
             try:
-                for name, own in checked_keys("materials", patch.get("materials", {}), tuple(materials)).items():
-                    self._set(name, own, materials, curves)
-                for name, curve in checked_keys("curves", patch.get("curves", {}), tuple(curves)).items():
-                    self._draw(name, curve, materials, curves)
+                with self._remarking():
+                    for name, own in checked_keys("materials", patch.get("materials", {}), tuple(materials)).items():
+                        self._set(name, own, materials, curves)
+                    for name, curve in checked_keys("curves", patch.get("curves", {}), tuple(curves)).items():
+                        self._draw(name, curve, materials, curves)
             except ValueError:
                 self.editor._lobes, self.editor._targets = before
                 raise

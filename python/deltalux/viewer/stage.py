@@ -45,6 +45,7 @@ class Stage:
     def start(self, problem: Callable[[str], None]) -> None:
         """Plays; what goes wrong in a frame is told to `problem`."""
         self._problem = problem
+        self.subject.remark = problem
         for thread in self._threads:
             thread.start()
 
@@ -90,6 +91,7 @@ class Stage:
     def replace(self, subject: Subject) -> None:
         """Shows another subject, from the next frame on."""
         with self.changed:
+            subject.remark = self._problem
             self.subject, self.scene = subject, self.scene + 1
             self.shot = self.off = None
             self._waiting = True

@@ -172,7 +172,8 @@ class Staged(Subject):
             if editing != self._editing:
                 self.studio.light_mode() if editing is None else self.studio.edit(editing)
             for name, own in changes.items():
-                self.studio.set(name, **own)
+                with self._remarking():
+                    self.studio.set(name, **own)
                 self._materials[name] = {**self._materials[name], **{k: _words(v) for k, v in own.items()}}
             self._lamps, self._editing = lamps, editing
             return {key: self.state()[key] for key in patch}

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Set
+from collections.abc import Callable, Iterator, Mapping, Set
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -61,6 +63,17 @@ class Subject(ABC):
     kind: str
     name: str
     """What programs and commands call the transport by: its path."""
+    remark: Callable[[str], None] = staticmethod(lambda text: None)
+    """Told what is worth knowing of something that was set all the same."""
+
+    @contextmanager
+    def _remarking(self) -> Iterator[None]:
+        """Warnings become remarks: nobody reads a terminal beside a page."""
+        with warnings.catch_warnings(record=True) as found:
+            warnings.simplefilter("always")
+            yield
+        for one in found:
+            self.remark(str(one.message))
 
     @abstractmethod
     def about(self) -> dict[str, Any]:
