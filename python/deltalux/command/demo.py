@@ -17,6 +17,7 @@ from ..precomputation.run import Precomputation
 from ..progress import Progress
 from ..report import check_report, report
 from ..scene.scene import Scene
+from ..viewer.export import export
 from .arguments import add_command, read_size, say
 
 __all__ = ["add", "demo"]
@@ -27,6 +28,8 @@ SIZE = (128, 128)
 COLUMNS = "haar:32"
 QUALITY = "publication"
 _TRANSPORT = "plant.transport"
+_LIVE = "live"
+"""The page that relights by itself."""
 
 
 def add(commands: Any) -> None:
@@ -66,7 +69,7 @@ def demo(
     Returns
     -------
     Path
-        The page, index.html; the transport lies beside it.
+        The page, index.html; the transport lies beside it, and a page that relights by itself, live/index.html.
 
     Raises
     ------
@@ -85,4 +88,5 @@ def demo(
     path.mkdir(parents=True, exist_ok=True)
     transport = request.run(path / _TRANSPORT, progress)
     say(transport)
+    say(export(scene, path / _LIVE, {env.name: env for env in envs}, progress))
     return report(transport, envs, path, frames=frames, hold=hold, progress=progress)

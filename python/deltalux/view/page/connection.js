@@ -25,6 +25,7 @@ export class Connection {
     this.on = on;
     this.queue = [];
     this.wait = 250;
+    this.order = Promise.resolve();
     this.open();
   }
 
@@ -35,7 +36,10 @@ export class Connection {
     const socket = new WebSocket(`${scheme}://${location.host}/live`);
     socket.binaryType = "arraybuffer";
     socket.onopen = () => socket.send(JSON.stringify({ hello: key, width: innerWidth, height: innerHeight }));
-    socket.onmessage = ({ data }) => this.take(data);
+    // One after the other, though a JPEG takes its time.
+    socket.onmessage = ({ data }) => {
+      this.order = this.order.then(() => socket === this.socket && this.take(data)).catch(reportError);
+    };
     socket.onclose = ({ code }) => this.closed(code);
     this.socket = socket;
   }
@@ -44,13 +48,13 @@ export class Connection {
     if (typeof data !== "string") return this.binary(data);
     const message = JSON.parse(data);
     if (message.welcome) this.wait = 250;
-    this.on.text(message);
+    return this.on.text(message);
   }
 
   binary(buffer) {
     const length = new DataView(buffer).getUint32(0, true);
     const header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
-    this.on.binary(header, buffer, Math.ceil((4 + length) / 8) * 8);
+    return this.on.binary(header, buffer, Math.ceil((4 + length) / 8) * 8);
   }
 
   closed(code) {

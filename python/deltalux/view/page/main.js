@@ -68,6 +68,7 @@ narrow.onchange = () => wake();
 let dirty = false;
 let awake = false;
 let sent = false;
+let alarm = null;
 let before = 0;
 const changed = new Set();
 const firsts = [];
@@ -122,7 +123,7 @@ function tick(now) {
   for (const [name, { act, every }] of [...pending]) {
     const wait = (ran.get(name) ?? -Infinity) + every - now;
     if (wait > 0) {
-      setTimeout(wake, wait);
+      alarm ??= setTimeout(() => ((alarm = null), wake()), wait);
       continue;
     }
     pending.delete(name);
@@ -242,10 +243,10 @@ async function frame(header, parts, bytes) {
   const now = performance.now();
   shownAt.push(now);
   while (shownAt[0] < now - 1000) shownAt.shift();
-  app.soon("told", tell, app.often);
+  app.soon("told", showNumbers, app.often);
 }
 
-function tell() {
+function showNumbers() {
   $("rate").textContent = `${shownAt.length} /s`;
   if (app.view.values.probed) app.showProbe();
   app.showHistogram();

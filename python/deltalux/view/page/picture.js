@@ -80,6 +80,7 @@ export class Picture {
     const { gl } = this;
     gl.bindTexture(gl.TEXTURE_2D, this.texture(name, gl.RGBA8));
     gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, gl.RGBA, gl.UNSIGNED_BYTE, bitmap);
+    bitmap.close();
     delete this.layers[name];
     this.displayed = true;
   }
