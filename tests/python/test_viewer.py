@@ -1,8 +1,11 @@
 """The live view without a browser: what it sends, what it takes, and whom it lets in."""
 
+import gc
 import json
+import resource
 import socket
 import time
+from pathlib import Path
 
 import deltalux as dl
 import numpy as np
@@ -444,3 +447,26 @@ def test_a_scene_is_seen_at_once_and_grows_finer(tmp_path):
         assert replaced["state"]["background"] == "none"
         own.layers.clear()
         assert own.still().shape == (90, 120, 3)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="needs /proc")
+def test_memory_does_not_grow_while_the_light_turns(view):
+    """A short soak; `benches/view.py --soak` is the long one."""
+
+    def resident():
+        return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
+
+    with page(view) as own:
+        light = welcomed(own)["state"]["light"]
+        own.send(want={"layers": ["exact", "bound"], "maps": True})
+        sizes = []
+        for k in range(600):
+            own.send(state={"light": turned(light, 3.0 * k)})
+            own.read(lambda header: header.get("kind") == "frame")
+            own.kinds.clear()
+            own.words.clear()
+            if k % 200 == 199:
+                gc.collect()
+                sizes.append(resident())
+        assert sizes[-1] - sizes[0] < 8e6
