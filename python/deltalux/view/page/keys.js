@@ -32,10 +32,11 @@ export function mountKeys(app) {
     ["p", "Brush", press("brush")],
     ["s", "To the strip, which arrow keys turn", () => $("strip").focus()],
     ["i", "To the picture, which arrow keys move", () => $("picture").focus()],
+    ["w", "The picture alone, or all", press("wide")],
     ["r", "Record the light", press("record")],
     [" ", "Play, or stop", press("play")],
     ["k", "Save as PNG", press("save-png")],
-    ["Escape", "Back from what lights a pixel", () => app.forget?.()],
+    ["Escape", "Back from what lights a pixel", () => app.forget()],
     ["?", "These keys", () => $("keys").showModal()],
   ];
   const told = [

@@ -7,7 +7,7 @@
 
 import { mountCubemap } from "./cubemap.js";
 import { Connection } from "./connection.js";
-import { $, element } from "./dom.js";
+import { $, element, pressed } from "./dom.js";
 import { mountKeys } from "./keys.js";
 import { mountLamps } from "./lamps.js";
 import { numbers } from "./layers.js";
@@ -97,6 +97,10 @@ $("drawer").onclick = () => {
   $("drawer").setAttribute("aria-expanded", String(open));
   wake();
 };
+$("wide").onclick = () => {
+  pressed($("wide"), document.body.classList.toggle("wide"));
+  wake();
+};
 const connection = new Connection({ text, binary, lost, refused });
 
 // What goes on in a frame of the display
@@ -163,7 +167,8 @@ function want() {
   if (!app.compares) return ask({ layers, maps: false, ...shown });
   if (["error", "ghosts", "difference"].includes(mode) || (wipe && other === "exact") || studied) layers.push("exact");
   if (mode === "bound" || studied) layers.push("bound");
-  const maps = Boolean(app.welcome.columns?.size) && (!narrow.matches || document.body.classList.contains("open"));
+  const seen = document.body.classList;
+  const maps = Boolean(app.welcome.columns?.size) && (narrow.matches ? seen.contains("open") : !seen.contains("wide"));
   ask({ layers, maps, ...shown });
 }
 

@@ -17,7 +17,7 @@ export function mountOut(app) {
   $("save-exr").onclick = savePicture("exr");
   $("save-session").onclick = () => {
     const kept = Object.fromEntries(KEPT.map((name) => [name, view()[name]]));
-    app.send({ save: { kind: "session", view: { ...kept, clip: app.clip?.() } } });
+    app.send({ save: { kind: "session", view: { ...kept, clip: thinned(app.clip()) } } });
   };
   $("copy-python").onclick = () => app.send({ save: { kind: "python" } });
   $("copy-command").onclick = () => app.send({ save: { kind: "command" } });
@@ -36,7 +36,7 @@ export function mountOut(app) {
   app.on("opened", (saved) => {
     const known = Object.fromEntries(Object.entries(saved).filter(([name]) => KEPT.includes(name)));
     app.view.set(known);
-    if (saved.clip) app.takeClip?.(saved.clip);
+    if (saved.clip) app.takeClip(saved.clip);
   });
   app.on("file", ({ name, media }, bytes) => download(bytes, name, media));
   app.on("text", ({ kind, text }) => copy(kind, text));
@@ -53,6 +53,16 @@ export function mountOut(app) {
       $("text-body").select();
     }
   }
+}
+
+/** A clip of so few samples that it fits into a message: what lies between two is interpolated. */
+function thinned(clip) {
+  let { samples } = clip;
+  const last = samples.length - 1;
+  for (let step = 2; JSON.stringify(samples).length > LARGEST / 2; step *= 2) {
+    samples = clip.samples.filter((_, k) => k % step === 0 || k === last);
+  }
+  return { ...clip, samples };
 }
 
 function mountVideo(app) {
