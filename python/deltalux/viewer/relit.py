@@ -35,6 +35,8 @@ BACKGROUNDS = ("env", "blur", "grey", "none")
 _GREY, _BLUR = 0.18, 8
 _SQUARES = 300
 _STRIP = (64, 128)
+_LEAST = 512
+"""Pixels along the longer edge of a picture of vertices."""
 _LATE = 1.0
 """A frame is late when it took more than this of its budget in time."""
 
@@ -94,7 +96,7 @@ class Relit(Subject):
         if self.kind not in ("pixels", "vertices"):
             raise ValueError(f"expected a transport of pixels or vertices to look at, but its rows are {self.kind}")
         self.methods = Methods(isinstance(transport.columns, SphericalHarmonics), own)
-        camera = transport.camera if self.kind == "vertices" else None
+        camera = _large(transport.camera) if self.kind == "vertices" else None
         self._lock = threading.Lock()
         self._asked = _Asked(lights, self.methods.naming(method), None, "env", camera, time.monotonic())
         self._relighters: dict[str, tuple[Method, Relighter]] = {}
@@ -355,6 +357,12 @@ class Relit(Subject):
     def command(self, view: Mapping[str, Any]) -> str:
         asked = self._asked
         return render_command(self.name, asked.lights, asked.background, asked.camera, view)
+
+
+def _large(camera: Camera) -> Camera:
+    """Cameras of scenes may be small; a mesh is drawn at so many times their size that it fills a page."""
+    times = max(1, -(-_LEAST // max(camera.width, camera.height)))
+    return camera.resized(times * camera.width, times * camera.height)
 
 
 def camera_words(camera: Camera) -> dict[str, Any]:

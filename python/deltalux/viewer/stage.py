@@ -14,7 +14,7 @@ __all__ = ["Stage"]
 
 _MOST_A_SECOND = 120.0
 _EXACT_EVERY = 0.1
-"""Seconds between exact products at least; they never take more than a third of the time."""
+"""Seconds between exact products at least; they never take more than a sixth of the time."""
 
 
 class Stage:
@@ -164,7 +164,7 @@ class Stage:
                 if scene == self.scene and off is not None:
                     self.off = off
                     self.changed.notify_all()
-                self.changed.wait_for(lambda: self.ended, max(_EXACT_EVERY, 2.0 * took) if off else 1.0)
+                self.changed.wait_for(lambda: self.ended, max(_EXACT_EVERY, 5.0 * took) if off else 1.0)
 
     def _unknown(self) -> bool:
         """Whether a frame is shown whose error is not known, and somebody watches."""
