@@ -62,6 +62,8 @@ class Page:
     def _draw(self, parts):
         for name, strips in parts.items():
             for part, values in strips:
+                if part["type"] == "jpeg":
+                    continue
                 shape = (part["height"], part["width"], 3)
                 layer = self.layers.setdefault(name, np.zeros(shape, np.float32))
                 layer[part["y"] : part["y"] + part["rows"]] = values.reshape(part["rows"], part["width"], 3)

@@ -1,6 +1,7 @@
 """The live view without a browser: what it sends, what it takes, and whom it lets in."""
 
 import gc
+import io
 import json
 import resource
 import socket
@@ -10,7 +11,7 @@ from pathlib import Path
 import deltalux as dl
 import numpy as np
 import pytest
-from deltalux.io import load_image
+from deltalux.io import load_image, to_display
 from deltalux.viewer.lights import Group, Lights
 from deltalux.viewer.messages import packed
 from deltalux.viewer.wavelets import squares
@@ -471,3 +472,19 @@ def test_memory_does_not_grow_while_the_light_turns(view):
                 gc.collect()
                 sizes.append(resident())
         assert sizes[-1] - sizes[0] < 8e6
+
+
+def test_a_slow_link_gets_jpegs_while_the_light_moves_and_numbers_at_rest(view, transport):
+    from PIL import Image
+
+    with page(view) as own:
+        light = welcomed(own)["state"]["light"]
+        own.still()
+        own.send(want={"quality": "jpeg", "exposure": -1.0, "tone": "agx"}, state={"light": turned(light, 1.0)})
+        header, parts = own.read(lambda header: any(part.get("type") == "jpeg" for part in header.get("parts", [])))
+        shown = np.asarray(Image.open(io.BytesIO(parts["a"][0][1])), np.float64)
+        env = dl.Environment.builtin("hall").rotated(1.0)
+        wanted = to_display(transport.image(transport.multiply(transport.coefficients(env)), env), -1.0, "agx")
+        assert np.abs(shown - wanted).mean() < 8
+        exact = transport.image(transport.multiply(transport.coefficients(env)), env)
+        assert np.abs(own.still() - exact).max() <= 2e-6 * exact.max()
