@@ -341,6 +341,12 @@ def test_it_listens_on_this_machine_alone(view):
             socket.create_connection((address, view._server.port), timeout=1).close()
 
 
+@pytest.mark.parametrize("host", ["0.0.0.0", "::", ""])
+def test_all_addresses_at_once_are_refused(view, host):
+    with pytest.raises(ValueError, match="one address of this machine"):
+        dl.View(view._stage.subject, "x", host=host, port=0)
+
+
 def test_the_page_and_nothing_else_is_served(view):
     port = view._server.port
     answer = _http(port, f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\n\r\n")

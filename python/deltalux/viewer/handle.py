@@ -156,7 +156,7 @@ class View:
     title
         Of the page.
     host
-        Where it listens: this machine's own address, unless others are to reach it.
+        Where it listens: this machine's own address, or, for others to reach it, one that they know it by.
     port
         None: 8765, or another where that is taken.
 
@@ -207,6 +207,7 @@ class View:
             raise instead_of("Environment", env)
         lights = self._relit.lights
         name = env.name if lights.sources.get(env.name, env) is env else f"{env.name} *"
+        self._thumbs.pop(name, None)
         lights = replace(lights, sources={**lights.sources, name: env}, groups=(), blend=(None, 0.0), dabs={})
         self._relit.lights = replace(lights, groups=(Group("light", "environment", source=name),))
         self._told("light")

@@ -63,6 +63,8 @@ class Server:
     ------
     ModuleNotFoundError
         If `websockets` is not installed.
+    ValueError
+        If the host is all addresses at once: requests are held to name the one.
     OSError
         If the port is taken.
     """
@@ -76,6 +78,8 @@ class Server:
             raise ModuleNotFoundError(
                 "expected the package websockets, which the live view needs: pip install 'deltalux[view]'"
             ) from None
+        if host in ("", "0.0.0.0", "::"):
+            raise ValueError(f"expected one address of this machine, by which others call it, got {host!r}")
         self._stage, self._requests, self._welcome = stage, requests, welcome
         self.token = secrets.token_urlsafe(16)
         self._files = {f"/{own.name}": own for own in _PAGE.iterdir() if own.suffix in _MEDIA}
@@ -93,8 +97,7 @@ class Server:
             server_header="deltalux",
             close_timeout=2.0,
         )
-        shown = host if host not in ("0.0.0.0", "::") else "127.0.0.1"
-        self.url = f"http://{shown}:{self.port}/#{self.token}"
+        self.url = f"http://{host}:{self.port}/#{self.token}"
         self._thread = threading.Thread(target=self._server.serve_forever, daemon=True)
 
     def start(self) -> None:

@@ -98,13 +98,13 @@ class Stage:
             self.changed.notify_all()
 
     def fresh(self, seconds: float = 30.0) -> Shot:
-        """A frame of all that is set now; TimeoutError where there is none in time."""
+        """A frame of all that is set now, or the one that is frozen; TimeoutError where there is none in time."""
         with self.changed:
+            if self.frozen and self.shot is not None:
+                return self.shot
             self._waiting = True
             before = self.shot
             self.changed.notify_all()
-            if self.frozen:
-                self._steps += 1
             found = self.changed.wait_for(lambda: self.ended or self.shot is not before, seconds)
             if not found or self.shot is None:
                 raise TimeoutError("expected a frame, but the view has ended or is at work on one")
@@ -134,9 +134,9 @@ class Stage:
             began = time.monotonic()
             try:
                 shot = subject.step(layers)
-            except (ValueError, MemoryError) as error:
-                # What cannot be shown is said once, and waits for something else to be set.
-                self._problem(str(error) or "there is not enough memory for this frame")
+            except Exception as error:
+                # What cannot be shown is said once, and waits for something else to be set: the view goes on.
+                self._problem(str(error) or type(error).__name__)
                 with self.changed:
                     if self.shot is not None:
                         self.shot.converged = True
@@ -158,7 +158,10 @@ class Stage:
                     return
                 shot, subject, scene = self.shot, self.subject, self.scene
             began = time.monotonic()
-            off = None if shot is None else subject.exact(shot)
+            try:
+                off = None if shot is None else subject.exact(shot)
+            except (ValueError, MemoryError):
+                off = None  # The frame has said what there is to say.
             took = time.monotonic() - began
             with self.changed:
                 if scene == self.scene and off is not None:
