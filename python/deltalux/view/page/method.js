@@ -17,7 +17,7 @@ export function mountMethod(app) {
 
   $("compare").onclick = () => {
     const { method } = app.shared.values;
-    app.shared.set({ method: { ...method, b: method.b ? null : method.a } });
+    app.shared.set({ method: { ...method, b: method.b ? null : besides(app.welcome.methods, method.a) } });
     app.view.set(method.b ? { wipe: false, with: "exact" } : { wipe: true, with: "b" });
   };
   $("freeze").onclick = () => app.shared.set({ frozen: !app.shared.values.frozen });
@@ -40,6 +40,12 @@ export function mountMethod(app) {
   });
   app.shared.on((keys) => (keys.includes("method") || keys.includes("frozen")) && update());
   app.on("stats", () => app.soon("readouts", () => showReadouts(app.stats), app.often));
+}
+
+/** Another method with the same budget, to begin a comparison with. */
+function besides(methods, method) {
+  const other = methods.find(({ name, budgets }) => name !== method.name && budgets.includes(method.budget));
+  return { ...method, name: other?.name ?? method.name };
 }
 
 function panel(app, side) {
