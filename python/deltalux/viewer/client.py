@@ -224,16 +224,14 @@ class Client:
         self._had[name] = layer
         kind = "f16" if layer.dtype == np.float16 else "f32"
         if layer.ndim == 2:
-            same = before is not None and np.array_equal(before, layer)
+            same = before is not None and _equal(before, layer)
             return [] if same else [({"name": name, "type": kind, "first": 0}, layer)]
         height, width, _ = layer.shape
         fresh = [
             y
             for y in range(0, height, _STRIP_ROWS)
             if before is None
-            or before.shape != layer.shape
-            or before.dtype != layer.dtype
-            or not np.array_equal(before[y : y + _STRIP_ROWS], layer[y : y + _STRIP_ROWS])
+            or not _equal(before[y : y + _STRIP_ROWS], layer[y : y + _STRIP_ROWS])
         ]
         parts: list[Part] = []
         while fresh:
@@ -272,6 +270,14 @@ class Client:
                 words = {"name": "still", "type": "f16", "width": width, "height": height}
                 return {"kind": "still", "camera": camera}, [(words, halves(picture))]
         return None
+
+
+def _equal(a: NDArray[Any], b: NDArray[Any]) -> bool:
+    """Whether two have the same bits: half floats are slow to compare as numbers."""
+    if a.dtype != b.dtype or a.shape != b.shape:
+        return False
+    bits = f"u{a.dtype.itemsize}"
+    return np.array_equal(a.view(bits), b.view(bits))
 
 
 def _plain(value: Any) -> Any:
