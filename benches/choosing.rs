@@ -57,7 +57,7 @@ fn rotation(frame: usize) -> [[f64; 3]; 3] {
 
 fn resampled(map: &EnvironmentMap, frame: usize) -> Vec<[f32; 3]> {
     let mut radiance = vec![[0.0; 3]; 6 * SIZE * SIZE];
-    map.resample(SIZE, &rotation(frame), 1.0, &mut radiance);
+    map.resample(SIZE, &rotation(frame), [1.0; 3], &mut radiance);
     radiance
 }
 

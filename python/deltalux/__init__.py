@@ -30,6 +30,7 @@ from .transport.transport import Transport
 from .update.approximation import Approximation, Update
 from .update.choice import Choice, State
 from .update.methods import Full, HarmonicOrder, Incremental, Linear, Method, Nonlinear, PerBand
+from .viewer import View, view
 
 __all__ = [
     "Approximation",
@@ -69,6 +70,7 @@ __all__ = [
     "StudioTransport",
     "Transport",
     "Update",
+    "View",
     "__version__",
     "compare",
     "plan",
@@ -78,5 +80,6 @@ __all__ = [
     "sequences",
     "set_threads",
     "threads",
+    "view",
     "write",
 ]

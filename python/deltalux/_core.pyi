@@ -56,6 +56,7 @@ __all__ = [
     "threads",
     "Behind",
     "display",
+    "half_floats",
     "Brdf",
     "CURVE",
     "CURVE_FACE",
@@ -95,7 +96,7 @@ class FileError(ValueError): ...
 class Cancelled(RuntimeError): ...
 
 _Matrix = tuple[tuple[float, float, float], ...]
-_Parts = tuple[tuple[float, EnvironmentMap, _Matrix], ...]
+_Parts = tuple[tuple[tuple[float, float, float], EnvironmentMap, _Matrix], ...]
 _Update = tuple[NDArray[np.uint32], NDArray[np.float64], list[int]]
 _Colour = tuple[float, float, float]
 _Stepped = tuple[NDArray[np.float32], _Update, int, tuple[_Colour, _Colour, list[_Colour]], bool, float, float]
@@ -131,6 +132,7 @@ class Behind:
     def add(self, parts: _Parts, picture: NDArray[np.float32]) -> None: ...
 
 def display(radiance: NDArray[np.float32], scale: float) -> NDArray[np.uint8]: ...
+def half_floats(radiance: NDArray[np.float32]) -> NDArray[np.uint16]: ...
 
 @final
 class EnvironmentMap:

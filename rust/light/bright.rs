@@ -157,17 +157,17 @@ impl Square {
         &self,
         placed: &Placed,
         own: Range<usize>,
-        scale: f64,
+        scale: [f64; 3],
         inverse_areas: &[f64],
         texels: &mut [[f32; 3]],
     ) {
         let size = texels.len() / own.len();
         for row in placed.rows.start.max(own.start)..placed.rows.end.min(own.end) {
-            let share = overlap(placed.y, row) * scale;
+            let share = scale.map(|own| overlap(placed.y, row) * own);
             for column in placed.columns.clone() {
-                let share = share * overlap(placed.x, column) * inverse_areas[row * size + column];
+                let (across, inverse) = (overlap(placed.x, column), inverse_areas[row * size + column]);
                 let target = &mut texels[(row - own.start) * size + column];
-                (0..3).for_each(|c| target[c] += (self.flux[c] * share) as f32);
+                (0..3).for_each(|c| target[c] += (self.flux[c] * (share[c] * across * inverse)) as f32);
             }
         }
     }

@@ -71,10 +71,10 @@ impl EnvironmentMap {
         Ok(EnvironmentMap { layout, pixels, prepared: Mutex::default(), harmonics: Mutex::default() })
     }
 
-    /// Adds to `radiance`, a cubemap of `size` x `size` texels a face, this map rotated by `rotation` times `scale`.
+    /// Adds to `radiance`, a cubemap of `size` x `size` texels a face, this map rotated by `rotation` times the colour `scale`.
     ///
     /// `rotation` is an orthogonal matrix in rows, possibly with a mirror.
-    pub fn resample(&self, size: usize, rotation: &[[f64; 3]; 3], scale: f64, radiance: &mut [[f32; 3]]) {
+    pub fn resample(&self, size: usize, rotation: &[[f64; 3]; 3], scale: [f64; 3], radiance: &mut [[f32; 3]]) {
         self.prepare(size, false).add(rotation, scale, 0, radiance);
     }
 
@@ -84,7 +84,7 @@ impl EnvironmentMap {
         &self,
         size: usize,
         rotation: &[[f64; 3]; 3],
-        scale: f64,
+        scale: [f64; 3],
         peaks: usize,
         radiance: &mut [[f32; 3]],
         texels: &mut [[f64; 3]],
@@ -103,27 +103,30 @@ impl EnvironmentMap {
     ///
     /// The map is projected once; every frame turns those coefficients. Nothing is resampled then, so that neither
     /// interpolation nor a rotation of a rotation adds an error.
-    pub fn project(&self, order: usize, rotation: &[[f64; 3]; 3], scale: f64, sum: &mut [[f64; 3]]) -> Result<()> {
+    pub fn project(&self, order: usize, rotation: &[[f64; 3]; 3], scale: [f64; 3], sum: &mut [[f64; 3]]) -> Result<()> {
         let original = self.harmonics(order, || {
             let mut radiance = vec![[0.0; 3]; 6 * HARMONIC_FACE * HARMONIC_FACE];
-            self.resample(HARMONIC_FACE, &[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], 1.0, &mut radiance);
+            self.resample(HARMONIC_FACE, &[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], [1.0; 3], &mut radiance);
             Ok(HarmonicProjection::shared(order)?.forward(&radiance))
         })?;
         for (total, own) in sum.iter_mut().zip(Rotation::new(order, rotation)?.apply(&original)) {
-            (0..3).for_each(|channel| total[channel] += scale * own[channel]);
+            (0..3).for_each(|channel| total[channel] += scale[channel] * own[channel]);
         }
         Ok(())
     }
 
     /// Radiance from unit directions, bilinear between the map's own pixels.
-    pub fn sample(&self, directions: &[[f64; 3]], rotation: &[[f64; 3]; 3], scale: f64) -> Vec<[f32; 3]> {
-        let look = |&direction: &[f64; 3]| self.lookup(unrotate(rotation, direction)).map(|c| (c * scale) as f32);
+    pub fn sample(&self, directions: &[[f64; 3]], rotation: &[[f64; 3]; 3], scale: [f64; 3]) -> Vec<[f32; 3]> {
+        let look = |&direction: &[f64; 3]| {
+            let colour = self.lookup(unrotate(rotation, direction));
+            std::array::from_fn(|c| (colour[c] * scale[c]) as f32)
+        };
         directions.par_iter().map(look).collect()
     }
 
     /// Adds to some pixels of a picture this map, turned and scaled, as it is seen in their directions (of length 1), times
     /// the share of each that shows it.
-    pub fn add_behind(&self, behind: &Behind, rotation: &[[f64; 3]; 3], scale: f64, picture: &mut [[f32; 3]]) {
+    pub fn add_behind(&self, behind: &Behind, rotation: &[[f64; 3]; 3], scale: [f64; 3], picture: &mut [[f32; 3]]) {
         let seen: Vec<Vec<[f32; 3]>> = behind
             .directions
             .par_chunks(PIECE)
@@ -145,8 +148,7 @@ impl EnvironmentMap {
             .collect();
         let seen = seen.iter().flatten();
         for ((colour, &pixel), share) in seen.zip(&behind.pixels).zip(&behind.shares) {
-            let share = share * scale as f32;
-            (0..3).for_each(|c| picture[pixel as usize][c] += share * colour[c]);
+            (0..3).for_each(|c| picture[pixel as usize][c] += share * scale[c] as f32 * colour[c]);
         }
     }
 

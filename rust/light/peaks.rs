@@ -70,10 +70,10 @@ impl Peak {
     }
 
     /// Adds it, scaled, to coefficients of texels: radiance times the root of the solid angle.
-    pub fn add(&self, size: usize, scale: f64, inverse_areas: &[f64], texels: &mut [[f64; 3]]) {
+    pub fn add(&self, size: usize, scale: [f64; 3], inverse_areas: &[f64], texels: &mut [[f64; 3]]) {
         for (texel, share) in around(size, self.direction) {
-            let share = share * scale * inverse_areas[texel % (size * size)].sqrt();
-            (0..3).for_each(|c| texels[texel][c] += share * self.flux[c]);
+            let root = inverse_areas[texel % (size * size)].sqrt();
+            (0..3).for_each(|c| texels[texel][c] += share * scale[c] * root * self.flux[c]);
         }
     }
 }

@@ -104,14 +104,14 @@ impl Prepared {
     }
 
     /// Adds the `count` largest peaks, turned and scaled, to coefficients of texels.
-    pub fn add_peaks(&self, rotation: &[[f64; 3]; 3], scale: f64, count: usize, texels: &mut [[f64; 3]]) {
+    pub fn add_peaks(&self, rotation: &[[f64; 3]; 3], scale: [f64; 3], count: usize, texels: &mut [[f64; 3]]) {
         for peak in self.peaks.iter().take(count) {
             peak.turned(rotation).add(self.size, scale, &self.inverse_areas, texels);
         }
     }
 
     /// Adds the rotated and scaled map to a cubemap, without its `peaks` largest peaks.
-    pub fn add(&self, rotation: &[[f64; 3]; 3], scale: f64, peaks: usize, radiance: &mut [[f32; 3]]) {
+    pub fn add(&self, rotation: &[[f64; 3]; 3], scale: [f64; 3], peaks: usize, radiance: &mut [[f32; 3]]) {
         let frames: [Axes; 6] = std::array::from_fn(|face| {
             face_basis(face).map(|axis| unrotate(rotation, axis).map(|component| component as f32))
         });
@@ -129,7 +129,7 @@ impl Prepared {
         }
         strips.into_par_iter().zip(squares).for_each(|(strip, squares)| {
             for (row, texels) in strip.texels.chunks_exact_mut(self.size).enumerate() {
-                self.add_base(&frames[strip.face], strip.first_row + row, scale as f32, texels);
+                self.add_base(&frames[strip.face], strip.first_row + row, scale.map(|own| own as f32), texels);
             }
             for k in squares {
                 let rows = strip.first_row..strip.first_row + strip.texels.len() / self.size;
@@ -147,7 +147,7 @@ impl Prepared {
         faces.flat_map(of_face).collect()
     }
 
-    fn add_base(&self, frame: &Axes, row: usize, scale: f32, texels: &mut [[f32; 3]]) {
+    fn add_base(&self, frame: &Axes, row: usize, scale: [f32; 3], texels: &mut [[f32; 3]]) {
         #[cfg(target_arch = "x86_64")]
         if is_x86_feature_detected!("avx2") {
             // SAFETY: the processor has AVX2.
@@ -158,13 +158,13 @@ impl Prepared {
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2")]
-    fn add_base_avx2(&self, frame: &Axes, row: usize, scale: f32, texels: &mut [[f32; 3]]) {
+    fn add_base_avx2(&self, frame: &Axes, row: usize, scale: [f32; 3], texels: &mut [[f32; 3]]) {
         self.add_base_any(frame, row, scale, texels)
     }
 
     /// One row of target texels.
     #[inline(always)]
-    fn add_base_any(&self, frame: &Axes, row: usize, scale: f32, texels: &mut [[f32; 3]]) {
+    fn add_base_any(&self, frame: &Axes, row: usize, scale: [f32; 3], texels: &mut [[f32; 3]]) {
         let mut points = Points::new();
         // Four lanes, of which three are wanted: whole vectors.
         let mut values = [[0.0f32; 4]; CHUNK];
@@ -175,7 +175,7 @@ impl Prepared {
                 *value = self.look(&points, k);
             }
             for (texel, value) in texels.iter_mut().zip(&values) {
-                (0..3).for_each(|c| texel[c] += scale * value[c]);
+                (0..3).for_each(|c| texel[c] += scale[c] * value[c]);
             }
         }
     }

@@ -17,8 +17,8 @@ use super::compute;
 /// The largest cubemap face that is resampled to: 150 MB of radiance.
 const MAX_SIZE: usize = 2048;
 
-/// One map of an environment: its weight, the map, and the rotation of its light as an orthogonal matrix in rows.
-pub(super) type Part = (f64, Py<PyEnvironmentMap>, [[f64; 3]; 3]);
+/// One map of an environment: its weight in each colour, the map, and the rotation of its light as an orthogonal matrix in rows.
+pub(super) type Part = ([f64; 3], Py<PyEnvironmentMap>, [[f64; 3]; 3]);
 
 /// A map of distant radiance; see `deltalux.Environment`.
 #[pyclass(frozen, name = "EnvironmentMap", module = "deltalux._core")]
@@ -136,7 +136,7 @@ fn environment_peaks<'py>(
         for (weight, map, rotation) in &parts {
             for peak in map.get().0.peaks(size, rotation, count) {
                 directions.push(peak.direction);
-                fluxes.push(peak.flux.map(|x| x * weight));
+                fluxes.push(std::array::from_fn::<f64, 3, _>(|c| peak.flux[c] * weight[c]));
             }
         }
         Ok((directions, fluxes))

@@ -7,7 +7,7 @@ use numpy::{
 use pyo3::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::relight::display::to_display;
+use crate::relight::display::{to_display, to_half};
 use crate::relight::shade::{Rows, resolve};
 use crate::transport::{ReceiverKind, ReceiverTable as Table};
 
@@ -271,8 +271,21 @@ fn display<'py>(
     Ok(shown.into_pyarray(py))
 }
 
+/// Radiance in half floats as their bits, of any shape in C order; what is brighter than they can hold is their largest.
+#[pyfunction]
+fn half_floats<'py>(py: Python<'py>, radiance: PyReadonlyArray1<'py, f32>) -> PyResult<Bound<'py, PyArray1<u16>>> {
+    let radiance = radiance.as_slice()?;
+    let halves = compute(py, || {
+        let mut halves = vec![0; radiance.len()];
+        to_half(radiance, &mut halves);
+        Ok(halves)
+    })?;
+    Ok(halves.into_pyarray(py))
+}
+
 /// Adds what this file has for Python to the module.
 pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<ReceiverTable>()?;
-    module.add_function(wrap_pyfunction!(display, module)?)
+    module.add_function(wrap_pyfunction!(display, module)?)?;
+    module.add_function(wrap_pyfunction!(half_floats, module)?)
 }

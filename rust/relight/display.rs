@@ -19,6 +19,30 @@ pub fn to_display(radiance: &[f32], scale: f32, out: &mut [u8]) {
     });
 }
 
+/// Radiance in half floats, to the nearest, ties to even; what is brighter than they can hold is their largest, and NaN 0.
+pub fn to_half(radiance: &[f32], out: &mut [u16]) {
+    radiance.par_chunks(CHUNK).zip(out.par_chunks_mut(CHUNK)).for_each(|(radiance, out)| {
+        for (&value, out) in radiance.iter().zip(out) {
+            *out = half(value);
+        }
+    });
+}
+
+/// Without branches, so that many are turned at once.
+#[inline(always)]
+fn half(value: f32) -> u16 {
+    const LARGEST: f32 = 65_504.0;
+    /// 2^-14, the least that is normal; 0.5, whose last bit is worth 2^-24, the last bit of a half that is not.
+    const NORMAL: u32 = 113 << 23;
+    const DENORMAL: f32 = 0.5;
+    let sign = (value.to_bits() >> 16) as u16 & 0x8000;
+    let size = if value.is_nan() { 0.0 } else { value.abs().min(LARGEST) };
+    let bits = size.to_bits();
+    let normal = (bits.wrapping_sub(112 << 23) + 0xfff + (bits >> 13 & 1)) >> 13;
+    let small = (size + DENORMAL).to_bits().wrapping_sub(DENORMAL.to_bits());
+    sign | if bits < NORMAL { small } else { normal } as u16
+}
+
 /// Where the nearest integer steps up.
 struct Curve {
     /// The least number that is shown as k or more.

@@ -470,3 +470,38 @@ def test_a_session_leaves_a_page(transport, tmp_path, capsys):
         assert main(["edit", str(transport.path), "--session", str(session), "-o", str(tmp_path / "out")]) == 2
     assert main(["edit", str(transport.path)]) == 2
     assert "expected --session" in capsys.readouterr().err
+
+
+def test_curves_are_drawn_and_set(transport):
+    pages = pytest.importorskip("pages")
+    (name,) = transport.parts
+    editor = dl.BrdfEditor(transport)
+    with dl.view(transport, browser=False, port=0) as view, pages.page(view) as own:
+        welcome = pages.welcomed(own)
+        assert welcome["kind"] == "curves" and welcome["methods"] == [] and welcome["sources"] == []
+        assert {"sigma", "n"} >= {one["name"] for one in welcome["materials"][0]["parameters"]} >= {"sigma"}
+        own.still()
+        own.send(state={"materials": {name: {"sigma": 0.1, "colour": [0.5, 0.4, 0.3]}}})
+        editor.set(name, sigma=0.1, colour=(0.5, 0.4, 0.3))
+        # Two editors that came another way differ by the last bits of their light's grids.
+        wanted = editor.step().image
+        assert np.abs(own.still() - wanted).max() <= 1e-4 * wanted.max()
+        own.send(curve=name)
+        said = own.read(lambda header: "curve" in header)[0]["curve"]
+        theta, values = editor.curve(name)
+        np.testing.assert_allclose(
+            said["values"], np.stack([np.interp(said["theta"], theta, own) for own in values.T], 1)
+        )
+        drawn = {"theta": [0.0, 0.2, 0.6], "values": [4.0, 2.0, 0.0]}
+        own.send(state={"curves": {name: drawn}})
+        editor.set_curve(name, drawn["theta"], drawn["values"])
+        wanted = editor.step().image
+        assert np.abs(own.still() - wanted).max() <= 1e-4 * wanted.max()
+        before = view._stage.state()
+        for bad in ({"materials": {name: {"sigma": -1}}}, {"curves": {name: {"theta": [0, 0], "values": [1, 2]}}}):
+            own.send(state=bad)
+            own.read(lambda header: "problem" in header)
+            assert view._stage.state() == before
+        own.send(state={"materials": {name: {"sigma": 0.3}}})
+        own.still()
+        assert view._stage.state()["curves"][name] is None

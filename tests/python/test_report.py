@@ -58,6 +58,7 @@ def test_demo_leaves_everything_it_promises(demo):
         "plant.transport",
     } <= names
     assert all(path.stat().st_size > 0 for path in demo.iterdir())
+    assert (demo / "live" / "index.html").is_file()
     assert all(path.stat().st_size < 5_000_000 for path in demo.glob("*.webp"))
     assert not list(demo.glob("**/*.pickle")) and not list(demo.glob("**/*.pkl"))
 

@@ -466,3 +466,30 @@ def test_a_session_moves_lamps_and_edits(coarse, tmp_path, capsys):
         assert main(command) == 2
     assert main([*command[:2], "-o", str(out)]) == 2
     assert "expected --session" in capsys.readouterr().err
+
+
+def test_lamps_move_and_families_are_edited(coarse):
+    lamp = {"id": "a", "kind": "spot", "position": [0.2, 1.8, 0.3], "target": [0, 0, 0], "angle": 40.0}
+    pages = pytest.importorskip("pages")
+    with dl.view(coarse, browser=False, port=0) as view, pages.page(view) as own:
+        assert pages.welcomed(own)["kind"] == "studio"
+        own.send(state={"lamps": [{**lamp, "intensity": [3, 2, 1]}], "editing": "floor"})
+        own.send(state={"materials": {"floor": {"gamma": 20.0, "k_s": [0.5, 0.5, 0.5]}}})
+        shown = own.still()
+        assert any("more light than it receives" in words.get("problem", "") for words in own.words)
+        plain = dl.Studio(coarse)
+        plain.set_lights([dl.Spot((0.2, 1.8, 0.3), (0, 0, 0), (3, 2, 1), 40.0)])
+        plain.edit("floor")
+        with pytest.warns(UserWarning, match="more light"):
+            plain.set("floor", gamma=20.0, k_s=0.5)
+        wanted = plain.step().image
+        assert np.abs(shown - wanted).max() <= 1e-5 * wanted.max()
+        own.send(state={"editing": None, "materials": {"floor": {"gamma": 30.0}}})
+        assert "edited" in own.read(lambda header: "problem" in header)[0]["problem"]
+        area = {**lamp, "kind": "area", "size": 0.3, "intensity": [1, 1, 1]}
+        own.send(state={"lamps": [area, {**area, "id": "b", "position": area["target"]}]})
+        own.read(lambda header: "problem" in header)
+        own.send(state={"lamps": [area]})
+        own.still()
+        own.send(save={"kind": "python"})
+        assert "dl.AreaLight(" in own.read(lambda header: "text" in header)[0]["text"]["text"]

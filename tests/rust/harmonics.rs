@@ -256,9 +256,9 @@ fn rotating_the_light_is_rotating_its_coefficients() {
         [(IDENTITY, 1e-14), (turn([0.0, 1.0, 0.0], PI / 2.0), 1e-7), (turn([0.6, 0.0, 0.8], 0.7), 1e-3)]
     {
         let mut turned = vec![[0.0; 3]; order * order];
-        map.project(order, &matrix, 1.0, &mut turned).unwrap();
+        map.project(order, &matrix, [1.0; 3], &mut turned).unwrap();
         let mut radiance = vec![[0.0; 3]; 6 * HARMONIC_FACE * HARMONIC_FACE];
-        map.resample(HARMONIC_FACE, &matrix, 1.0, &mut radiance);
+        map.resample(HARMONIC_FACE, &matrix, [1.0; 3], &mut radiance);
         let projected = HarmonicProjection::shared(order).unwrap().forward(&radiance);
         let error = distance(&turned, &projected) / norm(&projected);
         println!("rotate then project against project then rotate: {error:e}");

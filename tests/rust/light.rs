@@ -48,7 +48,7 @@ fn cube_rotations() -> Vec<Matrix> {
 
 fn resampled(map: &EnvironmentMap, size: usize, rotation: &Matrix) -> Vec<[f32; 3]> {
     let mut radiance = vec![[0.0; 3]; 6 * size * size];
-    map.resample(size, rotation, 1.0, &mut radiance);
+    map.resample(size, rotation, [1.0; 3], &mut radiance);
     radiance
 }
 
@@ -151,7 +151,7 @@ fn lat_long_has_mitsubas_orientation() {
         let direction = texel_direction(16, k / 256, k / 16 % 16, k % 16);
         let inverse: Matrix = std::array::from_fn(|i| std::array::from_fn(|j| rotation[j][i]));
         let expected = apply(&inverse, direction);
-        let sampled = map.sample(&[direction], &rotation, 1.0)[0];
+        let sampled = map.sample(&[direction], &rotation, [1.0; 3])[0];
         for c in 0..3 {
             assert!((value[c] as f64 - 2.0 - expected[c]).abs() < 6e-3, "texel {k}: {value:?}, {expected:?}");
             assert!((sampled[c] as f64 - 2.0 - expected[c]).abs() < 1e-3);

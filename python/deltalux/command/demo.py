@@ -17,6 +17,7 @@ from ..precomputation.run import Precomputation
 from ..progress import Progress, steps
 from ..report import check_report, report
 from ..scene.scene import Scene
+from ..viewer.export import export
 from .arguments import add_command, read_size, say
 
 __all__ = ["add", "demo"]
@@ -27,6 +28,8 @@ SIZE = (128, 128)
 COLUMNS = "haar:32"
 QUALITY = "publication"
 _TRANSPORT = "plant.transport"
+_LIVE = "live"
+"""The page that relights by itself."""
 
 
 def add(commands: Any) -> None:
@@ -66,7 +69,7 @@ def demo(
     Returns
     -------
     Path
-        The page, index.html; the transport lies beside it.
+        The page, index.html; the transport lies beside it, and a page that relights by itself, live/index.html.
 
     Raises
     ------
@@ -83,8 +86,10 @@ def demo(
     check_room(request.plan, nearest(path) / _TRANSPORT)
     say(request.plan)
     path.mkdir(parents=True, exist_ok=True)
-    step_of = steps(progress, "demo", 2)
+    step_of = steps(progress, "demo", 3)
     transport = request.run(path / _TRANSPORT, step_of("transport"))
+    live = export(scene, path / _LIVE, {env.name: env for env in envs}, step_of("live page"))
     page = report(transport, envs, path, frames=frames, hold=hold, progress=step_of("report"))
     say(transport)
+    say(live)
     return page

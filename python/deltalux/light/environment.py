@@ -6,9 +6,9 @@ import math
 import operator
 import os
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from numbers import Real
 from typing import Any, cast
 
@@ -29,11 +29,13 @@ from ..images.png import encoded
 from ..io import auto_exposure, load_image, to_display
 from ..mistakes import checked_path, described, instead_of, kind_of, near, refuse_kind
 from ..rotation import IDENTITY, Matrix, as_matrix, rotation_matrix, unit_directions
-from . import layouts, skies
+from . import discs, layouts, skies
 from .pixels import floats, repaired
 
-_Layer = tuple[float, EnvironmentMap, Matrix]
-"""A map, its weight in the sum, and how it is turned."""
+_Layer = tuple[Vector, EnvironmentMap, Matrix]
+"""A map, its weight in the sum in each colour, and how it is turned."""
+
+_WHITE = (1.0, 1.0, 1.0)
 
 # The core's own limit, which it keeps as well.
 _LARGEST_FACE = 2048
@@ -303,9 +305,67 @@ class Environment:
         return cls._from_pixels(repaired(pixels, repair), "cubemap array")
 
     @classmethod
+    def disc(cls, azimuth: float, elevation: float, radius: float) -> Environment:
+        """A round light at infinity, of radiance 1 on black: a sun, a lamp, a softbox.
+
+        Parameters
+        ----------
+        azimuth, elevation
+            Where its middle stands, in degrees: from -Z towards +X, and above the horizon.
+        radius
+            In degrees, above 0 and up to 90. What is smaller than a texel of its map gives its light all the same.
+
+        Returns
+        -------
+        Environment
+            Discs of one radius share a map: moving one costs what turning a light does.
+
+        Raises
+        ------
+        ValueError
+            If a number is not finite or out of its range.
+        """
+        if not (math.isfinite(azimuth) and math.isfinite(elevation) and 0.0 < radius <= 90.0):
+            raise ValueError(
+                f"expected finite degrees and a radius above 0 and up to 90, got {azimuth}, {elevation} and {radius}"
+            )
+        return _even_disc(float(radius)).rotated(elevation, "x").rotated(-azimuth, "y")
+
+    @classmethod
+    def painted(cls, dabs: Iterable[tuple[float, float, float, Sequence[float]]]) -> Environment:
+        """What a round brush leaves on black.
+
+        Parameters
+        ----------
+        dabs
+            Of each its azimuth, elevation and radius in degrees, and its colour, linear RGB radiance. Where they cross,
+            the brighter is seen.
+
+        Returns
+        -------
+        Environment
+
+        Raises
+        ------
+        ValueError
+            If a number is not finite or out of its range.
+        """
+        paint = np.zeros((6, discs.FACE, discs.FACE, 3), np.float32)
+        for azimuth, elevation, radius, colour in dabs:
+            own = np.asarray(colour, np.float32)
+            finite = math.isfinite(azimuth) and math.isfinite(elevation) and np.isfinite(own).all()
+            if own.shape != (3,) or not finite or not 0.0 < radius <= 90.0:
+                raise ValueError(
+                    "expected dabs of azimuth, elevation, a radius above 0 and up to 90 degrees, and three colours, "
+                    f"got {azimuth}, {elevation}, {radius} and {colour!r}"
+                )
+            paint = discs.dabbed(paint, [(azimuth, elevation)], radius, own)
+        return cls._from_pixels(paint, "painted")
+
+    @classmethod
     def _from_pixels(cls, pixels: NDArray[np.float32], name: str, rows: str = "centre") -> Environment:
         one_of("rows", rows, ROWS)
-        return cls._of([(1.0, _map(pixels, rows == "edge"), IDENTITY)], name)
+        return cls._of([(_WHITE, _map(pixels, rows == "edge"), IDENTITY)], name)
 
     def rotated(self, degrees: float, axis: str | ArrayLike = "y") -> Environment:
         """The light turned about an axis by the right-hand rule: L'(d) = L(R⁻¹ d).
@@ -381,9 +441,9 @@ class Environment:
             If the factor is not finite.
         """
         if not (isinstance(factor, Real) and math.isfinite(factor)):
-            what = f"expected a finite factor, got {described(factor)}"
-            raise ValueError(what + "" if isinstance(factor, Real) else f"{what}; tinted takes three")
-        return self._of([(weight * factor, light, turn) for weight, light, turn in self._layers], self.name)
+            more = "" if isinstance(factor, Real) else "; tinted takes three"
+            raise ValueError(f"expected a finite factor, got {described(factor)}{more}")
+        return self._times((factor, factor, factor))
 
     def tinted(self, colour: ArrayLike) -> Environment:
         """The light times a colour.
@@ -396,7 +456,7 @@ class Environment:
         Returns
         -------
         Environment
-            A new one, with maps of its own.
+            A new one, which shares the maps.
 
         Raises
         ------
@@ -406,8 +466,11 @@ class Environment:
         tint = real_array("colour", colour, np.float32)
         if tint.shape != (3,) or not np.isfinite(tint).all():
             raise ValueError(f"expected three finite factors, of red, green and blue, got {colour!r}")
-        tinted = {id(light): _map(light.pixels()[0] * tint, light.pixels()[1]) for _, light, _ in self._layers}
-        return self._of([(weight, tinted[id(light)], turn) for weight, light, turn in self._layers], self.name)
+        return self._times(as_vector(tint))
+
+    def _times(self, factors: Vector) -> Environment:
+        layers = [(as_vector(np.multiply(own, factors)), light, turn) for own, light, turn in self._layers]
+        return self._of(layers, self.name)
 
     def cubemap(self, size: int) -> NDArray[np.float32]:
         """Radiance averaged over a cubemap's texels.
@@ -510,7 +573,12 @@ def _builtin(name: str) -> Environment:
     return Environment._from_pixels(skies.BUILTIN[name](), name)
 
 
-def _restored(layers: Sequence[tuple[float, tuple[NDArray[np.float32], bool], Matrix]], name: str) -> Environment:
+@lru_cache(maxsize=16)
+def _even_disc(radius: float) -> Environment:
+    return Environment._from_pixels(discs.even_disc(radius), f"disc of {radius:g} degrees")
+
+
+def _restored(layers: Sequence[tuple[Vector, tuple[NDArray[np.float32], bool], Matrix]], name: str) -> Environment:
     """A pickled environment."""
     maps = {id(pixels): _map(pixels, edge) for _, (pixels, edge), _ in layers}
     return Environment._of([(weight, maps[id(pixels)], turn) for weight, (pixels, _), turn in layers], name)

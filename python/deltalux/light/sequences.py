@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Callable, Iterator, Sequence
-from functools import cache
 from typing import Any
 
 import numpy as np
@@ -21,17 +20,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..checks import count
 from . import skies
+from .discs import FACE, Place, dabbed, disc
 from .environment import Environment
-from .layouts import face_directions
 from .motion import Motion, ease
 
 __all__ = ["SEQUENCES", "area_light", "ease", "interpolation", "make", "painting", "rotation", "sunrise"]
-
-_FACE = 128
-"""Texels along a face of the maps that painted and moving lights are drawn on."""
-
-Place = tuple[float, float]
-"""Azimuth from -Z towards +X, and elevation above the horizon, in degrees."""
 
 _SCRIBBLE: tuple[tuple[Place, ...], ...] = (
     ((-50, 35), (-20, 50), (-25, 38), (0, 48), (-8, 33), (15, 42)),
@@ -222,12 +215,12 @@ def painting(
 def _painted(
     env: Environment, dabs: NDArray[np.float64], frames: int, radius: float, colour: NDArray[np.float32], hold: int
 ) -> Iterator[Environment]:
-    paint = np.zeros((6, _FACE, _FACE), np.float32)
+    paint = np.zeros((6, FACE, FACE, 3), np.float32)
     painted = env
     for k in range(frames):
-        for dab in dabs[k * len(dabs) // frames : (k + 1) * len(dabs) // frames]:
-            np.maximum(paint, disc((dab[0], dab[1]), radius), out=paint)
-        painted = _with(env, paint[..., None] * colour)
+        now = dabs[k * len(dabs) // frames : (k + 1) * len(dabs) // frames]
+        paint = dabbed(paint, ((dab[0], dab[1]) for dab in now), radius, colour)
+        painted = _with(env, paint)
         yield painted
     for _ in range(hold):
         yield painted
@@ -242,24 +235,6 @@ def _dabs(lines: list[NDArray[np.float64]], step: float) -> NDArray[np.float64]:
             places += [a + (b - a) * k / count for k in range(count)]
         places.append(line[-1])
     return np.array(places)
-
-
-def disc(place: Place, radius: float) -> NDArray[np.float32]:
-    """The share of each texel that a disc covers, its edge a texel wide: (6, n, n)."""
-    centre = skies.toward(*np.radians(place)).astype(np.float32)
-    cosine = _centres() @ centre
-    width = np.pi / 2 / _FACE
-    near = cosine > np.cos(min(np.radians(radius) + width, np.pi))
-    away = np.arccos(np.minimum(cosine[near], 1))
-    cover = np.zeros(cosine.shape, np.float32)
-    cover[near] = np.clip((np.radians(radius) - away) / width + 0.5, 0, 1)
-    return cover
-
-
-@cache
-def _centres() -> NDArray[np.float32]:
-    """Directions of the texels of the maps that lights are drawn on; every dab of paint asks for them."""
-    return face_directions(_FACE).astype(np.float32)
 
 
 def _with(env: Environment, cubemap: NDArray[np.float32]) -> Environment:

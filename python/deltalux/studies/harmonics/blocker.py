@@ -21,9 +21,9 @@ from ...camera import Camera
 from ...columns import Haar, SphericalHarmonics
 from ...io import to_display
 from ...light import skies
+from ...light.discs import disc
 from ...light.environment import Environment
 from ...light.layouts import face_directions
-from ...light.sequences import disc
 from ...pages.plotting import percent
 from ...pages.verdict import Verdict
 from ...precomputation.run import precompute

@@ -1,0 +1,289 @@
+"""One page that watches: what it is sent, never more than two messages ahead of what it has answered."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..checks import one_of
+from ..images.jpeg import encoded_jpeg
+from ..io import TONES, to_display
+from .messages import Part, checked_keys, number, packed, text
+from .stage import Stage
+from .subject import Layer, Shot, halves
+
+__all__ = ["Client"]
+
+_AHEAD = 2
+_LAYERS = ("b", "exact", "bound")
+_QUALITIES = ("auto", "lossless", "jpeg")
+_STRIP_ROWS = 32
+_STILL = 0.15
+"""Seconds without a change after which a picture is sent as it is."""
+_SLOW = 0.08
+"""Seconds for a picture in half floats over a link that gets JPEG instead."""
+_MAPS_EVERY = 0.1
+_JPEG_QUALITY = 85
+
+
+class Client:
+    """A page.
+
+    Parameters
+    ----------
+    stage
+        What is played.
+    send
+        Puts a message on the wire, and returns when it has gone.
+    number
+        Its own, by which others know whose changes these are.
+    """
+
+    def __init__(self, stage: Stage, send: Callable[[str | bytes], None], number: int) -> None:
+        self.number = number
+        self._stage, self._send = stage, send
+        self._words: deque[str] = deque()
+        self._answers: deque[tuple[dict[str, Any], list[Part]]] = deque()
+        self._layers: frozenset[str] = frozenset()
+        self._maps, self._quality, self._exposure, self._tone = False, "auto", 0.0, "srgb"
+        self._next = 0
+        self._ahead: dict[int, tuple[int, float]] = {}
+        self._rates: deque[float] = deque(maxlen=8)
+        """Bytes a second, as answers tell."""
+        self._gone = False
+        self._forget()
+
+    def _forget(self) -> None:
+        """Nothing of this subject has been sent yet."""
+        self._scene = self._stage.scene
+        self._had: dict[str, NDArray[Any]] = {}
+        self._shot = self._off = self._exact_shot = self._still_shot = 0
+        self._shot_at = self._maps_at = 0.0
+        self._beside_of = (0, False)
+        self._mesh_sent = False
+
+    # What comes from other threads.
+
+    def say(self, words: Mapping[str, Any]) -> None:
+        """Sends words, before any picture."""
+        with self._stage.changed:
+            self._words.append(text(words))
+            self._stage.changed.notify_all()
+
+    def answer(self, header: dict[str, Any], parts: list[Part]) -> None:
+        """Sends a binary message, in its turn."""
+        with self._stage.changed:
+            self._answers.append((header, parts))
+            self._stage.changed.notify_all()
+
+    def acknowledge(self, value: Any) -> None:
+        """The page has a message."""
+        with self._stage.changed:
+            size, sent = self._ahead.pop(value, (0, 0.0)) if isinstance(value, int) else (0, 0.0)
+            if size > 1 << 14:
+                # A page answers once it has drawn: the fastest of the last answers tells most of the link.
+                self._rates.append(size / max(time.monotonic() - sent, 1e-4))
+            self._stage.changed.notify_all()
+
+    def want(self, value: Any) -> None:
+        """What the page looks at."""
+        found = checked_keys("what is wanted", value, ("layers", "maps", "quality", "exposure", "tone"))
+        layers = found.get("layers", [])
+        if not isinstance(layers, list) or not set(map(str, layers)) <= set(_LAYERS):
+            raise ValueError(f"expected layers of {', '.join(_LAYERS)}")
+        quality, tone = found.get("quality", "auto"), found.get("tone", "srgb")
+        one_of("a quality", quality, _QUALITIES)
+        exposure = number("an exposure", found.get("exposure", 0.0), -64.0, 64.0)
+        with self._stage.changed:
+            fresh = frozenset(layers) - self._layers
+            self._layers, self._maps = frozenset(layers), found.get("maps") is True
+            # A curve that only the page knows is shown by the page, of half floats.
+            self._quality, self._tone = (quality, tone) if tone in TONES else ("lossless", "srgb")
+            self._exposure = exposure
+            self._stage.seen[self] = self._layers
+            for name in fresh:
+                self._had.pop(name, None)
+            if "exact" in fresh:
+                # What is known already is sent again, though nothing moves.
+                self._off = 0
+            if fresh & {"b", "bound"}:
+                self._stage.wake()
+            self._stage.changed.notify_all()
+
+    def leave(self) -> None:
+        """The page is gone."""
+        with self._stage.changed:
+            self._gone = True
+            self._stage.seen.pop(self, None)
+            self._stage.changed.notify_all()
+
+    # The thread that sends.
+
+    def run(self, welcome: Callable[[], Mapping[str, Any]]) -> None:
+        """Sends until the page or the stage is gone."""
+        stage = self._stage
+        while True:
+            with stage.changed:
+                stage.changed.wait_for(lambda: self._gone or stage.ended or self._something(), 0.05)
+                if self._gone or stage.ended:
+                    return
+                words = self._words.popleft() if self._words else None
+                if words is None and stage.scene != self._scene:
+                    self._forget()
+                    words = text({"replaced": welcome()})
+            if words is not None:
+                self._send(words)
+                continue
+            message = self._message()
+            if message is not None:
+                header, parts = message
+                self._next += 1
+                data = packed({"n": self._next, **header}, parts)
+                with stage.changed:
+                    self._ahead[self._next] = (len(data), time.monotonic())
+                self._send(data)
+
+    def _something(self) -> bool:
+        if self._words or self._stage.scene != self._scene:
+            return True
+        if len(self._ahead) >= _AHEAD:
+            return False
+        shot, off = self._stage.shot, self._stage.off
+        return (
+            bool(self._answers)
+            or (shot is not None and shot.number > self._shot)
+            or (off is not None and off.number > self._off)
+        )
+
+    def _message(self) -> tuple[dict[str, Any], list[Part]] | None:
+        """The most urgent message, or none."""
+        stage = self._stage
+        with stage.changed:
+            if len(self._ahead) >= _AHEAD:
+                return None
+            if self._answers:
+                return self._answers.popleft()
+            shot, off, subject = stage.shot, stage.off, stage.subject
+        if not self._mesh_sent:
+            self._mesh_sent = True
+            mesh = subject.mesh()
+            if mesh is not None:
+                return {"kind": "mesh"}, [
+                    ({"name": name, "type": "u32" if array.dtype == np.uint32 else "f32"}, array)
+                    for name, array in mesh.items()
+                ]
+        if shot is None:
+            return None
+        now = time.monotonic()
+        # Now and then the light comes before the next picture of it.
+        if self._shot and now - self._maps_at > _MAPS_EVERY and self._beside_of != (shot.number, self._maps):
+            self._maps_at, self._beside_of = now, (shot.number, self._maps)
+            beside = self._beside(shot)
+            if beside is not None:
+                return beside
+        if shot.number > self._shot or (off is not None and off.number > self._off):
+            return self._frame(shot)
+        if shot.converged and now - self._shot_at > _STILL and not self._ahead:
+            return self._at_rest(shot)
+        return None
+
+    def _frame(self, shot: Shot) -> tuple[dict[str, Any], list[Part]]:
+        stage, off = self._stage, self._stage.off
+        parts: list[Part] = []
+        if shot.number > self._shot:
+            self._shot, self._shot_at = shot.number, time.monotonic()
+            for name in ("a", *sorted(self._layers - {"exact"})):
+                if name in shot.layers:
+                    parts += self._layer(name, shot.layers[name], shot.half(name))
+        if off is not None and off.number > self._off:
+            self._off = off.number
+            if "exact" in self._layers:
+                parts += self._strips("exact", halves(off.layer))
+        stats = {**shot.stats, "number": shot.number, "rate": stage.rate}
+        if off is not None:
+            stats |= {"error": off.error, "error_b": off.error_b, "age": time.monotonic() - off.at}
+        return {"kind": "frame", "stats": _plain(stats)}, parts
+
+    def _layer(self, name: str, layer: Layer, half: NDArray[np.float16]) -> list[Part]:
+        slow = len(self._rates) == self._rates.maxlen and half.nbytes > _SLOW * max(self._rates)
+        if name == "a" and layer.ndim == 3 and (self._quality == "jpeg" or (self._quality == "auto" and slow)):
+            self._had.pop(name, None)
+            height, width, _ = layer.shape
+            words = {"name": name, "type": "jpeg", "width": width, "height": height, "y": 0, "rows": height}
+            return [(words, encoded_jpeg(to_display(layer, self._exposure, self._tone), _JPEG_QUALITY))]
+        return self._strips(name, half)
+
+    def _strips(self, name: str, layer: NDArray[Any]) -> list[Part]:
+        """What of a layer is not as it was sent."""
+        before = self._had.get(name)
+        self._had[name] = layer
+        kind = "f16" if layer.dtype == np.float16 else "f32"
+        if layer.ndim == 2:
+            same = before is not None and _equal(before, layer)
+            return [] if same else [({"name": name, "type": kind, "first": 0}, layer)]
+        height, width, _ = layer.shape
+        fresh = [
+            y
+            for y in range(0, height, _STRIP_ROWS)
+            if before is None
+            or not _equal(before[y : y + _STRIP_ROWS], layer[y : y + _STRIP_ROWS])
+        ]
+        parts: list[Part] = []
+        while fresh:
+            first = last = fresh.pop(0)
+            while fresh and fresh[0] == last + _STRIP_ROWS:
+                last = fresh.pop(0)
+            rows = layer[first : last + _STRIP_ROWS]
+            words = {"name": name, "type": kind, "width": width, "height": height, "y": first, "rows": len(rows)}
+            parts.append((words, rows))
+        return parts
+
+    def _beside(self, shot: Shot) -> tuple[dict[str, Any], list[Part]] | None:
+        """The light over the cubemap, and as a strip."""
+        subject = self._stage.subject
+        maps = subject.maps(shot) if self._maps else {}
+        if maps:
+            parts: list[Part] = [
+                ({"name": name, "type": "f16", "size": own.shape[1]}, halves(own)) for name, own in maps.items()
+            ]
+            self.answer({"kind": "maps"}, parts)
+        strip = subject.strip()
+        return None if strip is None else ({"kind": "strip"}, [({"name": "strip", "type": "f16"}, halves(strip))])
+
+    def _at_rest(self, shot: Shot) -> tuple[dict[str, Any], list[Part]] | None:
+        """The picture as it is, once nothing moves."""
+        if self._exact_shot != shot.number:
+            self._exact_shot = shot.number
+            self._had.pop("a", None)
+            return {"kind": "frame", "stats": None, "exact": True}, self._strips("a", shot.layers["a"])
+        if self._still_shot != shot.number:
+            self._still_shot = shot.number
+            still = self._stage.subject.still(shot)
+            if still is not None:
+                picture, camera = still
+                height, width, _ = picture.shape
+                words = {"name": "still", "type": "f16", "width": width, "height": height}
+                return {"kind": "still", "camera": camera}, [(words, halves(picture))]
+        return None
+
+
+def _equal(a: NDArray[Any], b: NDArray[Any]) -> bool:
+    """Whether two have the same bits: half floats are slow to compare as numbers."""
+    if a.dtype != b.dtype or a.shape != b.shape:
+        return False
+    bits = f"u{a.dtype.itemsize}"
+    return np.array_equal(a.view(bits), b.view(bits))
+
+
+def _plain(value: Any) -> Any:
+    """Numbers as JSON has them: what is infinite is null."""
+    if isinstance(value, dict):
+        return {key: _plain(own) for key, own in value.items()}
+    if isinstance(value, float):
+        return float(value) if np.isfinite(value) else None
+    return value
