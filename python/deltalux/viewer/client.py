@@ -230,8 +230,7 @@ class Client:
         fresh = [
             y
             for y in range(0, height, _STRIP_ROWS)
-            if before is None
-            or not _equal(before[y : y + _STRIP_ROWS], layer[y : y + _STRIP_ROWS])
+            if before is None or not _equal(before[y : y + _STRIP_ROWS], layer[y : y + _STRIP_ROWS])
         ]
         parts: list[Part] = []
         while fresh:
