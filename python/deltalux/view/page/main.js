@@ -101,7 +101,7 @@ $("wide").onclick = () => {
   pressed($("wide"), document.body.classList.toggle("wide"));
   wake();
 };
-const connection = new Connection({ text, binary, lost, refused });
+const connection = new Connection({ text, binary, lost: app.fail, refused });
 
 // What goes on in a frame of the display
 
@@ -261,10 +261,6 @@ function progress({ what, share, left }) {
   $("progress").hidden = share >= 1;
   $("progress-text").textContent = left > 0 ? `${what}, ${Math.ceil(left)} s left` : what;
   $("progress-bar").value = share;
-}
-
-function lost(sentence) {
-  app.fail(sentence);
 }
 
 function refused() {
