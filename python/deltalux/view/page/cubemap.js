@@ -21,7 +21,7 @@ export function mountCubemap(app) {
   app.on("welcome", () => {
     const { columns } = app.welcome;
     $("maps").hidden = !columns?.size;
-    row = null;
+    row = asked = applied = null;
     for (const id of ["map-asked", "map-applied"]) {
       const most = 4 * (columns?.size ?? 64);
       const times = Math.max(1, Math.ceil(512 / most));
@@ -47,7 +47,7 @@ export function mountCubemap(app) {
     // All that was sent since the squares were drawn: frames are more than drawings.
     sent = drawn ? stats.a.sent : [...sent, ...stats.a.sent].slice(-MOST);
     drawn = false;
-    if (applied) app.soon("maps", drawRight, app.often);
+    app.soon("maps", drawRight, app.often);
   });
 
   app.on("click", (x, y) => {
@@ -76,6 +76,7 @@ export function mountCubemap(app) {
   }
 
   function drawRight() {
+    if (!applied) return;
     const canvas = $("map-applied");
     const size = app.welcome.columns.size;
     drawn = true;

@@ -67,14 +67,19 @@ export function mountLight(app) {
   };
 
   app.on("welcome", () => {
-    const { sources = [] } = app.welcome;
     $("light").hidden = !app.shared.values.light;
+    offer();
+  });
+  app.on("sources", offer);
+  app.shared.on((keys) => keys.includes("light") && update());
+
+  function offer() {
+    const { sources } = app.welcome;
     $("add-environment").hidden = $("fade").hidden = sources.length === 0;
     $("thumbs").replaceChildren(...sources.map(thumb));
     choices($("fade-to"), [["", "nothing"], ...sources.map(({ name }) => [name, name])]);
     update();
-  });
-  app.shared.on((keys) => keys.includes("light") && update());
+  }
 
   function thumb({ name, thumb: picture }) {
     const image = element("img", { src: picture, alt: "", width: 64, height: 32 });
@@ -93,7 +98,7 @@ export function mountLight(app) {
     const { light } = app.shared.values;
     if (!light || !app.welcome) return;
     const active = activeEnvironment(app);
-    for (const { name } of app.welcome.sources ?? []) pressed($(`thumb-${plain(name)}`), name === active?.source);
+    for (const { name } of app.welcome.sources) pressed($(`thumb-${plain(name)}`), name === active?.source);
     $("fade-to").value = light.blend?.source ?? "";
     $("fade-slot").hidden = !light.blend?.source;
     fade.set(light.blend?.t ?? 0);

@@ -101,7 +101,7 @@ $("wide").onclick = () => {
   pressed($("wide"), document.body.classList.toggle("wide"));
   wake();
 };
-const connection = new Connection({ text, binary, lost, refused });
+const connection = new Connection({ text, binary, lost: app.fail, refused });
 
 // What goes on in a frame of the display
 
@@ -190,7 +190,11 @@ function text(message) {
   if (message.problem) say(message.problem);
   if (message.text) app.tell("text", message.text);
   if (message.curve) app.tell("curve", message.curve);
-  if (message.progress) progress(message.progress);
+  if (message.sources) {
+    app.welcome = { ...app.welcome, sources: message.sources };
+    app.tell("sources");
+  }
+  if ("progress" in message) progress(message.progress);
 }
 
 /** Of a new connection, nothing is owed to the one before. */
@@ -257,14 +261,12 @@ function showNumbers() {
   app.showHistogram();
 }
 
-function progress({ what, share, left }) {
-  $("progress").hidden = share >= 1;
-  $("progress-text").textContent = left > 0 ? `${what}, ${Math.ceil(left)} s left` : what;
-  $("progress-bar").value = share;
-}
-
-function lost(sentence) {
-  app.fail(sentence);
+/** How far a finer picture is; null: there is none in the making. */
+function progress(made) {
+  $("progress").hidden = !made;
+  if (!made) return;
+  $("progress-text").textContent = made.what;
+  $("progress-bar").value = made.share;
 }
 
 function refused() {

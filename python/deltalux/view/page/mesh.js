@@ -104,6 +104,8 @@ export class Mesh {
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     if (!this.array) return;
     gl.enable(gl.DEPTH_TEST);
+    // Of a thin surface both sides are there, each wound as it is seen.
+    gl.enable(gl.CULL_FACE);
     const at = this.programs.use(view);
     gl.uniform1f(at("width"), width);
     const far = Math.hypot(...add(this.middle, camera.position, -1)) + 1.01 * this.radius;

@@ -33,6 +33,7 @@ export function mountOut(app) {
       app.say(`${file.name} is not JSON.`);
     }
   };
+  app.on("welcome", () => ($("copy-command").hidden = !app.compares));
   app.on("opened", (saved) => {
     const known = Object.fromEntries(Object.entries(saved).filter(([name]) => KEPT.includes(name)));
     app.view.set(known);

@@ -99,6 +99,7 @@ export class Picture {
     const { gl } = this;
     gl.viewport(0, 0, ...this.size);
     gl.disable(gl.DEPTH_TEST);
+    gl.disable(gl.CULL_FACE);
     const at = this.programs.use(view, this.displayed);
     gl.uniform2i(at("size"), ...this.size);
     NAMES.forEach((name, unit) => {

@@ -18,7 +18,7 @@ const BOTTOM = 4;
 export function mountPlots(app) {
   const past = [];
   key($("plot-time-key"), [...TIMES, ["late", LATE]]);
-    const keyErrors = () => {
+  const keyErrors = () => {
     const there = { error: app.compares, "error B": app.compares && Boolean(app.shared.values.method?.b) };
     const lines = LINES.filter(([name]) => there[name] ?? true);
     key($("plot-error-key"), [...lines, ["reset", themed("--faint")]]);
@@ -31,11 +31,16 @@ export function mountPlots(app) {
   app.shared.on((keys) => keys.includes("method") && keyErrors());
   app.on("stats", (stats) => {
     if (!stats.a) return;
-    past.push(stats);
+    // The squares that were sent are most of it, and of no use here.
+    const { sent, ...a } = stats.a;
+    past.push({ ...stats, a });
     if (past.length > FRAMES) past.shift();
     app.soon("plots", draw, app.often);
   });
-  app.on("theme", () => draw());
+  app.on("theme", () => {
+    keyErrors();
+    draw();
+  });
   new ResizeObserver(() => draw()).observe($("plot-time"));
 
   function draw() {

@@ -32,7 +32,6 @@ export function mountPointing(app, stage) {
       way = 0;
       study(app.view.values.probed);
       pointers.set(event.pointerId, event);
-      canvas.focus({ preventScroll: true });
     },
     move: (dx, dy, event) => {
       way += Math.abs(dx) + Math.abs(dy);
