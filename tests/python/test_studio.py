@@ -356,6 +356,8 @@ def test_runs_resume_and_files_are_opened(coarse, tmp_path):
     for change in (
         {"view_nodes": arrays["view_nodes"] + 2 * NODES},
         {"factors_starts": arrays["factors_starts"][::-1]},
+        {"node_origin": arrays["node_origin"][:-4]},
+        {"exponents": np.array([0, -12, -12])},
     ):
         np.savez(path / "nodes.npz", **(arrays | change))
         with pytest.raises(dl.FileError):

@@ -103,6 +103,8 @@ class StudioNodes:
         """
         nodes = len(stored["material"])
         rays, *exponents = (int(x) for x in array(stored, "exponents", np.int64, (3,)))
+        if not 1 <= rays <= 1 << 16 or max(map(abs, exponents)) > 64:
+            raise ValueError(f"expected rays of nodes and exponents of weights, found {rays} and {exponents}")
         starts, others, numbers = _sparse(stored, "factors", nodes)
         factors = NodeFactors(starts, others, numbers, rays)
         taking = []

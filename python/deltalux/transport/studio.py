@@ -192,13 +192,14 @@ class StudioTransport:
         with FOLDER.opened(path) as (about, stored):
             samples = len(stored["areas"])
             view = {name[6:]: own for name, own in stored.items() if name.startswith("pixel_")}
-            height, width = (int(x) for x in view.pop("image"))
-            pixels = Pixels(ReceiverTable.pixels(image=(height, width), **view))
+            camera, seconds = Camera(**about["camera"]), float(about["seconds"])
+            if view.pop("image").tolist() != [camera.height, camera.width]:
+                raise ValueError("expected pixels of the camera's picture")
+            pixels = Pixels(ReceiverTable.pixels(image=(camera.height, camera.width), **view))
             between, beside = _between(path, len(pixels), samples)
             stored |= beside
-            _check(stored, len(pixels), samples, len(beside.get("material", ())))
+            _check(stored, len(pixels), samples, len(between) if isinstance(between, StudioNodes) else 0)
             parts = {own["name"]: _part(path, own, stored) for own in about["parts"]}
-            camera, seconds = Camera(**about["camera"]), float(about["seconds"])
             weights, albedo, material = (stored[name] for name in ("weights", "albedo", "material"))
             passes = int(about["passes"])
             if not 0 <= passes <= 64:
