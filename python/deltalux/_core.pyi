@@ -55,6 +55,7 @@ __all__ = [
     "set_threads",
     "threads",
     "Behind",
+    "agx",
     "display",
     "half_floats",
     "Brdf",
@@ -132,6 +133,7 @@ class Behind:
     def add(self, parts: _Parts, picture: NDArray[np.float32]) -> None: ...
 
 def display(radiance: NDArray[np.float32], scale: float) -> NDArray[np.uint8]: ...
+def agx(radiance: NDArray[np.float32], scale: float) -> NDArray[np.uint8]: ...
 def half_floats(radiance: NDArray[np.float32]) -> NDArray[np.uint16]: ...
 
 @final

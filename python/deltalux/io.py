@@ -12,11 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._core import display
+from ._core import agx, display
 from .checks import one_of
 from .images.oiio import library, reason
 from .images.reading import load_image
-from .images.tone import agx
 from .mistakes import checked_path, described
 
 __all__ = ["TONES", "auto_exposure", "load_image", "magnification", "save_image", "to_display", "write"]
@@ -63,7 +62,7 @@ def to_display(image: ArrayLike, exposure: float = 0.0, tone: str = "srgb") -> N
     if tone == "agx":
         if linear.ndim != 3 or linear.shape[2] != 3:
             raise ValueError(f"expected a picture of shape (h, w, 3) for AgX, got {linear.shape}")
-        return agx(linear * np.float32(2.0**exposure))
+        return agx(linear.ravel(), 2.0**exposure).reshape(linear.shape)
     return display(linear.ravel(), 2.0**exposure).reshape(linear.shape)
 
 

@@ -7,7 +7,7 @@ use numpy::{
 use pyo3::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::relight::display::{to_display, to_half};
+use crate::relight::display::{to_agx, to_display, to_half};
 use crate::relight::shade::{Rows, resolve};
 use crate::transport::{ReceiverKind, ReceiverTable as Table};
 
@@ -271,6 +271,20 @@ fn display<'py>(
     Ok(shown.into_pyarray(py))
 }
 
+/// 8-bit sRGB of colours times a scale through AgX, of any shape in C order whose last axis has length 3.
+#[pyfunction]
+fn agx<'py>(py: Python<'py>, radiance: PyReadonlyArray1<'py, f32>, scale: f32) -> PyResult<Bound<'py, PyArray1<u8>>> {
+    let (colours, []) = radiance.as_slice()?.as_chunks::<3>() else {
+        return Err(Error::input("expected three numbers for each colour").into());
+    };
+    let shown = compute(py, || {
+        let mut shown = vec![[0; 3]; colours.len()];
+        to_agx(colours, scale, &mut shown);
+        Ok(shown)
+    })?;
+    Ok(shown.into_flattened().into_pyarray(py))
+}
+
 /// Radiance in half floats as their bits, of any shape in C order; what is brighter than they can hold is their largest.
 #[pyfunction]
 fn half_floats<'py>(py: Python<'py>, radiance: PyReadonlyArray1<'py, f32>) -> PyResult<Bound<'py, PyArray1<u16>>> {
@@ -287,5 +301,6 @@ fn half_floats<'py>(py: Python<'py>, radiance: PyReadonlyArray1<'py, f32>) -> Py
 pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<ReceiverTable>()?;
     module.add_function(wrap_pyfunction!(display, module)?)?;
-    module.add_function(wrap_pyfunction!(half_floats, module)?)
+    module.add_function(wrap_pyfunction!(half_floats, module)?)?;
+    module.add_function(wrap_pyfunction!(agx, module)?)
 }

@@ -555,6 +555,33 @@ def test_all_layouts_of_a_name_are_tried(tmp_path):
         np.testing.assert_array_equal(load_image(tmp_path / "a.exr")[0], MAP)
 
 
+def agx(linear):
+    """AgX as its authors write it, in numpy."""
+    inset = [
+        [0.842479062253094, 0.0784335999999992, 0.0792237451477643],
+        [0.0423282422610123, 0.878468636469772, 0.0791661274605434],
+        [0.0423756549057051, 0.0784336, 0.879142973793104],
+    ]
+    outset = [
+        [1.19687900512017, -0.0980208811401368, -0.0990297440797205],
+        [-0.0528968517574562, 1.15190312990417, -0.0989611768448433],
+        [-0.0529716355144438, -0.0980434501171241, 1.15107367264116],
+    ]
+    low, high = -12.47393, 4.026069
+    colours = np.maximum(linear, 0) @ np.transpose(inset)
+    at = (np.log2(np.maximum(colours, 2.0**low)).clip(low, high) - low) / (high - low)
+    shown = np.polyval([15.5, -40.14, 31.96, -6.868, 0.4298, 0.1191, -0.00232], at) @ np.transpose(outset)
+    return np.round(255 * shown.clip(0, 1))
+
+
+@given(st.lists(st.tuples(*[st.floats(-1, 1e4, width=32)] * 3), min_size=1, max_size=40), st.floats(-4, 4))
+def test_agx_is_what_numpy_makes_of_it(colours, stops):
+    linear = np.array([colours], np.float32)
+    expected = agx(linear.astype(np.float64) * float(np.float32(2.0**stops)))
+    # The core rounds the product of exposure and radiance to a float: a shade at most.
+    assert np.abs(to_display(linear, stops, "agx").astype(float) - expected).max() <= 1
+
+
 def test_agx_shows_sixteen_stops():
     # Grey stays grey: both matrices keep it, to rounding. So it is the sigmoid's value at its place among the stops.
     grey = to_display(np.full((1, 1, 3), 0.18), tone="agx")

@@ -17,7 +17,7 @@ const SHADING = `
 uniform float gain, full, wipe;
 const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
 
-// AgX as in images/tone.py: colours drawn together, a sigmoid of their logarithms, drawn apart again.
+// AgX as in rust/relight/display.rs: colours drawn together, a sigmoid of their logarithms, drawn apart again.
 const mat3 INSET = mat3(
   0.842479062253094, 0.0423282422610123, 0.0423756549057051,
   0.0784335999999992, 0.878468636469772, 0.0784336,
