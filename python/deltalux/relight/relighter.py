@@ -177,7 +177,8 @@ class Relighter:
             raise ValueError(f"expected an update method such as PerBand(terms=30), got {described(method)}")
         self.transport = transport
         self.method = method
-        self._asked = (initial, second, None if mix is None else np.array(mix, np.float32))
+        mix = None if mix is None else np.array(mix, np.float32)
+        self._asked = (initial, second, mix)
         self._stepped = False
         core, weights = transport._core, None if mix is None else transport.mixed(mix)
         timed = method.milliseconds is not None
@@ -233,6 +234,7 @@ class Relighter:
             raise ValueError(f"expected a light of shape ({self.transport.shape[1]}, 3), got {V.shape}")
         if self._weights is None:
             return self._step(V, started, None, env, whole)
+        V = V.copy()  # Looked at twice: what another thread writes meanwhile is in neither look or in both.
         with self._asking:
             return self._step(V, started, self._ask(V, self._weights), env, whole)
 
