@@ -32,7 +32,7 @@ RUST_FLOORS = (
 PYTHON_FLOORS = (
     ("_core",),
     ("mistakes",),
-    ("checks", "images"),
+    ("checks", "images", "plain"),
     ("rotation", "io", "output", "progress"),
     ("light", "update", "columns", "brdf", "camera"),
     ("surface",),

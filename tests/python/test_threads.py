@@ -225,7 +225,7 @@ def test_a_writer_shared_by_threads(tmp_path, threads):
 
 @contextlib.contextmanager
 def spoiled(array, bad):
-    """While this lasts another thread writes something that is refused into an array and takes it back, again and again."""
+    """While this lasts another thread writes what is refused into an array and takes it back, again and again."""
     good, stop = array.copy(), threading.Event()
 
     def spoil() -> None:

@@ -64,9 +64,11 @@ class Frame:
         No receiver's red, green or blue in `values` is further than this from the untruncated product with the light
         asked for: what is not yet applied, what truncation took, and rounding (Cauchy-Schwarz in every band). A number
         that knows its parts, ``bound.pending`` and ``bound.truncation``, both relative to the picture,
-        ``bound.relative``, and how large the error probably is, ``bound.estimate``.
+        ``bound.relative``, and how large the error probably is, ``bound.estimate``. Infinite where B is beyond float32.
     converged
-        Whether the light has been applied in full, with all of its suns and lamps in texel columns where there are any.
+        Whether the light has been applied in full, with all of its suns and lamps in texel columns where there are any:
+        rounded to the grid of the relighter, which leaves room for it to grow. `multiply` of the light itself rounds
+        finer, and is off from such a frame by up to 2^-20 of the largest light so far, which `bound` includes.
     """
 
     values: NDArray[np.float32]

@@ -27,11 +27,11 @@ from .ply import read as read_ply
 def read(path: str | os.PathLike[str], scene: int | str | None = None) -> Content:
     """What a scene file holds, or one of its scenes; see `Scene.load`."""
     path = Path(path)
-    data = path.read_bytes()
+    content = Content(path.stem)
+    data = content.read(path)
     kind = path.suffix.lower()
     if kind not in _READERS:
         raise FileError(f"{path}: expected one of {', '.join(_READERS)}, got {path.suffix or 'no suffix'!r}")
-    content = Content(path.stem)
     with blaming(path):
         content.wanted = scene
         _READERS[kind](content, path.parent.resolve(), data, kind[1:])

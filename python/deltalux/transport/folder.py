@@ -8,12 +8,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
+from zipfile import ZIP_STORED, BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .._core import FileError
+from ..plain import MOST_TEXT, read_plain
 
 __all__ = ["Folder", "array"]
 
@@ -25,6 +26,11 @@ _KINDS = {
 }
 """What a directory is, by its manifest."""
 _LARGEST = 1 << 30
+# What a manifest or an array that is not what it should be makes whoever reads it raise.
+_DAMAGE = (
+    ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError, EOFError, MemoryError,
+    NotImplementedError, BadZipFile,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -59,14 +65,25 @@ class Folder:
             found = next((kind for name, kind in _KINDS.items() if (path / name).exists()), "none")
             raise FileError(f"{path}: expected {self.what}, got {found}")
         try:
-            about = json.loads((path / self.manifest).read_text(encoding="utf-8"))
+            about = json.loads(read_plain(path / self.manifest, MOST_TEXT))
             if about["version"] != self.version:
                 raise ValueError(f"expected version {self.version}, found {about['version']!r}")
-            with open(path / _ARRAYS, "rb") as file, np.load(file, allow_pickle=False) as arrays:
-                stored = {name: arrays[name] for name in arrays.files}
-            yield about, stored
-        except (ValueError, TypeError, LookupError, RecursionError, EOFError, BadZipFile) as error:
-            raise FileError(f"{path}: {error}") from None
+            yield about, _read(path / _ARRAYS)
+        except FileError:
+            raise
+        except _DAMAGE as error:
+            reason = str(error) if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
+            raise FileError(f"{path}: {reason}") from None
+
+
+def _read(path: Path) -> dict[str, NDArray[Any]]:
+    """All arrays of a file, which lie in it as they are: a few bytes that unfold into many are refused."""
+    if not path.is_file():
+        raise ValueError(f"expected {path.name}, a plain file")
+    with open(path, "rb") as file, np.load(file, allow_pickle=False) as arrays:
+        if any(own.compress_type != ZIP_STORED for own in arrays.zip.infolist()):
+            raise ValueError(f"expected arrays as they are in {path.name}, found compressed ones")
+        return {name: arrays[name] for name in arrays.files}
 
 
 def array(stored: Mapping[str, NDArray[Any]], name: str, kind: type, shape: tuple[int, ...]) -> NDArray[Any]:

@@ -21,6 +21,7 @@ from .._core import Transport as CoreTransport
 from ..camera import Camera
 from ..columns.haar import Haar
 from ..mistakes import checked_path, described, instead_of, refuse_kind, refuse_missing
+from ..plain import MOST_TEXT, read_plain
 from ..progress import Progress
 from ..surface.surface import Surface
 from .aov import aov
@@ -648,7 +649,7 @@ class Transport(Matrix):
 
 def _content(path: Path) -> str:
     """What tells one transport from another: its manifest, which knows the checksums of all other files."""
-    return hashlib.blake2b((path / _MANIFEST).read_bytes(), digest_size=16).hexdigest()
+    return hashlib.blake2b(read_plain(path / _MANIFEST, MOST_TEXT), digest_size=16).hexdigest()
 
 
 def _reopened(path: str, content: str) -> Transport:

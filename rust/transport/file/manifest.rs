@@ -328,8 +328,12 @@ pub fn shard_name(part: &str, shard: usize) -> String {
     }
 }
 
-/// Reads a file that must not be larger than `limit`, whatever it claims.
+/// Reads a plain file that must not be larger than `limit`, whatever it claims: a pipe would be waited for.
 pub fn read_small(path: &Path, limit: u64) -> Result<Vec<u8>> {
+    let seen = std::fs::metadata(path).map_err(|source| Error::os(path, source))?;
+    if !seen.is_file() {
+        return Err(Error::file(path, "expected a plain file, found a directory, a pipe or a device"));
+    }
     let file = std::fs::File::open(path).map_err(|source| Error::os(path, source))?;
     let mut bytes = Vec::new();
     file.take(limit + 1).read_to_end(&mut bytes).map_err(|source| Error::os(path, source))?;
