@@ -67,8 +67,8 @@ class Frame:
         ``bound.relative``, and how large the error probably is, ``bound.estimate``. Infinite where B is beyond float32.
     converged
         Whether the light has been applied in full, with all of its suns and lamps in texel columns where there are any:
-        rounded to the grid of the relighter, which leaves room for it to grow. `multiply` of the light itself rounds
-        finer, and is off from such a frame by up to 2^-20 of the largest light so far, which `bound` includes.
+        rounded to the grid of the relighter, which leaves room for it to grow, and is coarser after a brighter one.
+        `multiply` of the light itself rounds finer: it may be off from such a frame by what `bound` says.
     """
 
     values: NDArray[np.float32]

@@ -1,4 +1,4 @@
-"""Transport: M of a scene on disk, opened by memory map, with all that makes pictures of its products."""
+"""Transport: M of a scene on disk, the larger by memory map, with all that makes pictures of its products."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ class Transport(Matrix):
 
     @staticmethod
     def open(path: str | os.PathLike[str]) -> Transport:
-        """Opens a transport directory by memory map, after checking every file in it.
+        """Opens a transport directory, a large one by memory map, after checking every file in it.
 
         Parameters
         ----------
