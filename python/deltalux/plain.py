@@ -41,8 +41,8 @@ def read_plain(path: str | os.PathLike[str], most: int) -> bytes:
         seen = os.fstat(file.fileno())
         if not stat.S_ISREG(seen.st_mode):
             raise FileError(f"{name}: expected a plain file, found a pipe or a device")
-        # It may grow meanwhile.
-        data = file.read(most + 1) if seen.st_size <= most else b""
-    if seen.st_size > most or len(data) > most:
-        raise FileError(f"{name}: expected at most {most:,} bytes, found more")
+        # Room is made for what is asked for; more than was seen means that it grows.
+        data = file.read(seen.st_size + 1) if seen.st_size <= most else b""
+    if seen.st_size > most or len(data) > seen.st_size:
+        raise FileError(f"{name}: expected at most {min(most, seen.st_size):,} bytes, found more")
     return data
