@@ -8,7 +8,8 @@ from random import Random
 
 import numpy as np
 import pytest
-from deltalux import CurveTransport, FileError, Scene, StudioTransport, Transport
+from deltalux import CurveTransport, Environment, FileError, Scene, StudioTransport, Transport
+from deltalux.brdf import Measured
 from deltalux.scene import content
 from deltalux.scene.content import Content
 from deltalux.transport.folder import Folder
@@ -192,6 +193,14 @@ def test_neither_a_pipe_nor_6_gb_are_read(tmp_path, name, read, kind):
             file.truncate(6 << 30)
     with pytest.raises((FileError, FileNotFoundError), match="plain file|at most [0-9,]+ bytes|not there"):
         read(tmp_path)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs a pipe")
+@pytest.mark.parametrize("read", [Environment.load, Measured.load])
+def test_pictures_and_materials_are_plain_files(tmp_path, read):
+    os.mkfifo(tmp_path / "pipe.hdr")
+    with pytest.raises(FileError, match="plain file"):
+        read(tmp_path / "pipe.hdr")
 
 
 def test_the_files_of_a_scene_are_bounded_together(tmp_path, monkeypatch):

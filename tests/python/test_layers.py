@@ -31,8 +31,8 @@ RUST_FLOORS = (
 )
 PYTHON_FLOORS = (
     ("_core",),
-    ("mistakes",),
-    ("checks", "images", "plain"),
+    ("mistakes", "plain"),
+    ("checks", "images"),
     ("rotation", "io", "output", "progress"),
     ("light", "update", "columns", "brdf", "camera"),
     ("surface",),
