@@ -1,4 +1,7 @@
-//! Between numpy and the core: arrays checked, borrowed or copied, and made.
+//! Between numpy and the core: arrays copied, checked and made.
+//!
+//! What computes without the interpreter's lock is never given memory of numpy: another thread may write there between a
+//! check and what relies on it. The one copy is what is checked, and what is used.
 
 use bytemuck::cast_slice;
 use numpy::ndarray::Array2;
@@ -36,15 +39,15 @@ pub(super) fn cubemap_colours(array: &PyReadonlyArray4<f32>, size: usize) -> Res
     }
 }
 
-/// The rows of a (columns, 3) array in C order.
-pub(super) fn coefficients<'a>(array: &'a PyReadonlyArray2<f64>) -> Result<&'a [[f64; 3]]> {
+/// A copy of the rows of a (columns, 3) array in C order.
+pub(super) fn coefficients(array: &PyReadonlyArray2<f64>) -> Result<Vec<[f64; 3]>> {
     triples("coefficients", array)
 }
 
-/// The rows of an (n, 3) array in C order; `name` is what an error calls it.
-pub(super) fn triples<'a>(name: &str, array: &'a PyReadonlyArray2<f64>) -> Result<&'a [[f64; 3]]> {
+/// A copy of the rows of an (n, 3) array in C order; `name` is what an error calls it.
+pub(super) fn triples(name: &str, array: &PyReadonlyArray2<f64>) -> Result<Vec<[f64; 3]>> {
     match array.as_slice() {
-        Ok(flat) if array.shape()[1] == 3 => Ok(cast_slice(flat)),
+        Ok(flat) if array.shape()[1] == 3 => Ok(cast_slice(flat).to_vec()),
         _ => Err(Error::input(format!("expected {name} of shape (n, 3) in C order, got shape {:?}", array.shape()))),
     }
 }

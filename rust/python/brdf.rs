@@ -34,10 +34,7 @@ impl Brdf {
 }
 
 /// Refuses arrays of different lengths.
-fn pairs<'a>(
-    wi: &'a PyReadonlyArray2<'_, f64>,
-    wo: &'a PyReadonlyArray2<'_, f64>,
-) -> Result<(&'a [Direction], &'a [Direction])> {
+fn pairs(wi: &PyReadonlyArray2<'_, f64>, wo: &PyReadonlyArray2<'_, f64>) -> Result<(Vec<Direction>, Vec<Direction>)> {
     let (wi, wo) = (triples("wi", wi)?, triples("wo", wo)?);
     match wi.len() == wo.len() {
         true => Ok((wi, wo)),
@@ -65,7 +62,7 @@ fn densities<'py>(
     wo: &PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Bound<'py, PyArray1<f64>>> {
     let (wi, wo) = pairs(wi, wo)?;
-    Ok(compute(py, || Ok(each(wi, wo, |wi, wo| model.pdf(wi, wo))))?.into_pyarray(py))
+    Ok(compute(py, || Ok(each(&wi, &wo, |wi, wo| model.pdf(wi, wo))))?.into_pyarray(py))
 }
 
 /// `Brdf.sample`
@@ -77,14 +74,14 @@ fn samples<'py>(
 ) -> PyResult<Samples<'py>> {
     let wo = triples("wo", wo)?;
     let numbers = match u.as_slice() {
-        Ok(flat) if u.shape() == [wo.len(), 2] => flat.as_chunks::<2>().0,
+        Ok(flat) if u.shape() == [wo.len(), 2] => flat.as_chunks::<2>().0.to_vec(),
         _ => {
             let message = format!("expected u of shape ({}, 2) in C order, got shape {:?}", wo.len(), u.shape());
             return Err(Error::input(message).into());
         }
     };
     let (wi, pdf): (Vec<_>, Vec<_>) = compute(py, || {
-        let sampled = wo.par_iter().zip(numbers).with_min_len(TOGETHER);
+        let sampled = wo.par_iter().zip(&numbers).with_min_len(TOGETHER);
         Ok(sampled.map(|(&wo, &u)| model.sample(wo, u).unwrap_or_default()).unzip())
     })?;
     Ok((table(py, wi)?, pdf.into_pyarray(py)))
@@ -179,7 +176,7 @@ impl Brdf {
         wo: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let (wi, wo) = pairs(&wi, &wo)?;
-        Ok(compute(py, || Ok(each(wi, wo, |wi, wo| self.model.evaluate(wi, wo))))?.into_pyarray(py))
+        Ok(compute(py, || Ok(each(&wi, &wo, |wi, wo| self.model.evaluate(wi, wo))))?.into_pyarray(py))
     }
 
     /// The density of wi (n, 3) for wo (n, 3): (n,) float64.
@@ -204,7 +201,7 @@ impl Brdf {
 
     /// Directional albedos of wo (n, 3): (n,) float64.
     fn albedo<'py>(&self, py: Python<'py>, wo: PyReadonlyArray2<'py, f64>) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        Ok(of_all(py, triples("wo", &wo)?, |wo| self.model.albedo(wo))?.into_pyarray(py))
+        Ok(of_all(py, &triples("wo", &wo)?, |wo| self.model.albedo(wo))?.into_pyarray(py))
     }
 }
 
@@ -264,7 +261,7 @@ impl Measured {
         wo: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let (wi, wo) = pairs(&wi, &wo)?;
-        table(py, compute(py, || Ok(each(wi, wo, |wi, wo| self.table.colour(wi, wo))))?)
+        table(py, compute(py, || Ok(each(&wi, &wo, |wi, wo| self.table.colour(wi, wo))))?)
     }
 
     /// The density of wi (n, 3) for wo (n, 3): (n,) float64.
@@ -289,7 +286,7 @@ impl Measured {
 
     /// Directional albedos of wo (n, 3) in linear RGB: (n, 3) float64.
     fn albedo<'py>(&self, py: Python<'py>, wo: PyReadonlyArray2<'py, f64>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        table(py, of_all(py, triples("wo", &wo)?, |wo| self.table.albedos(wo))?)
+        table(py, of_all(py, &triples("wo", &wo)?, |wo| self.table.albedos(wo))?)
     }
 }
 

@@ -175,7 +175,7 @@ impl CurvePass {
     ) -> PyResult<Looked> {
         let rule = self.rule(&weights, 0.0, quantum, width)?;
         let measure = |curve: &PyReadonlyArray2<'_, f64>| {
-            let whole = coefficients(curve)?.to_vec();
+            let whole = coefficients(curve)?;
             Ok(Measure { decides: true, truncated: whole.clone(), whole })
         };
         let curves = Arc::new(curves.iter().map(measure).collect::<Result<Vec<_>>>()?);
@@ -217,7 +217,7 @@ impl CurvePass {
         progress: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Py<PyArray2<f32>>> {
         let v = coefficients(&v)?;
-        rows_of(py, &interruptible(py, progress, |watch| respond(&self.0, v, &|rows| watch.advance(rows)))?)
+        rows_of(py, &interruptible(py, progress, |watch| respond(&self.0, &v, &|rows| watch.advance(rows)))?)
     }
 }
 

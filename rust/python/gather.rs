@@ -236,7 +236,7 @@ impl GatherSamples {
         let receivers = receivers(surfaces.mesh, rows, &numbers, eye)?;
         let (kernels, light) = ([kernel(&through)?], triples("light", &light)?);
         let gather = Gather { tracer: surfaces.tracer, samples: &self.samples, kernels: &kernels, sub_area };
-        table(py, interruptible(py, progress, |watch| gather.light(&receivers, light, &|rows| watch.advance(rows)))?)
+        table(py, interruptible(py, progress, |watch| gather.light(&receivers, &light, &|rows| watch.advance(rows)))?)
     }
 }
 
@@ -265,7 +265,7 @@ impl SampleTree {
             let found = light.len();
             return Err(Error::input(format!("expected the light of {count} samples, got that of {found}")).into());
         }
-        table(py, self.0.forward(light))
+        table(py, self.0.forward(&light))
     }
 }
 

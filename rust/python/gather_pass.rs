@@ -87,7 +87,7 @@ impl GatherPass {
     ) -> PyResult<(f64, f64, f64)> {
         let weights = column_weights(&weights, self.0.shape().bands.columns())?;
         let (scales, width) = (to_vec(&scales), width.parse()?);
-        let measure = |(through, light): &Measured<'_>| Ok((through.clone(), coefficients(light)?.to_vec()));
+        let measure = |(through, light): &Measured<'_>| Ok((through.clone(), coefficients(light)?));
         let measures = measures.iter().map(measure).collect::<Result<Vec<_>>>()?;
         let found = interruptible(py, progress, |watch| {
             let told = |rows| watch.advance(rows);

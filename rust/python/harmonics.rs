@@ -46,7 +46,7 @@ fn harmonic_values<'py>(
     let values = compute(py, || {
         let harmonics = SphericalHarmonics::new(order)?;
         let mut values = vec![0.0; directions.len() * order * order];
-        let each = values.par_chunks_exact_mut(order * order).zip(directions);
+        let each = values.par_chunks_exact_mut(order * order).zip(&directions);
         each.for_each(|(row, &direction)| harmonics.evaluate(direction, row));
         Ok(values)
     })?;
@@ -73,7 +73,7 @@ fn harmonic_rotation<'py>(
     matrix: [[f64; 3]; 3],
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let original = coefficients(&original)?;
-    table(py, compute(py, || Ok(Rotation::new(order_of(original)?, &matrix)?.apply(original)))?)
+    table(py, compute(py, || Ok(Rotation::new(order_of(&original)?, &matrix)?.apply(&original)))?)
 }
 
 /// Coefficients (order², 3) under a Hanning window.
@@ -84,7 +84,7 @@ fn harmonic_window<'py>(
     width: f64,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
     let original = coefficients(&original)?;
-    table(py, compute(py, || windowed(original, width))?)
+    table(py, compute(py, || windowed(&original, width))?)
 }
 
 /// Adds what this file has for Python to the module.

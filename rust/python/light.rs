@@ -155,7 +155,7 @@ fn environment_radiance<'py>(
     let radiance = compute(py, || {
         let mut sum = vec![[0.0f32; 3]; directions.len()];
         for (weight, map, rotation) in &parts {
-            for (total, own) in sum.iter_mut().zip(map.get().0.sample(directions, rotation, *weight)) {
+            for (total, own) in sum.iter_mut().zip(map.get().0.sample(&directions, rotation, *weight)) {
                 (0..3).for_each(|c| total[c] += own[c]);
             }
         }
@@ -242,7 +242,7 @@ fn haar_without_texels<'py>(
     let merged = compute(py, || {
         let haar = Haar::shared(size)?;
         checked(2 * haar.columns(), coefficients.len())?;
-        Ok(haar.without_texels(coefficients))
+        Ok(haar.without_texels(&coefficients))
     })?;
     table(py, merged)
 }
@@ -258,7 +258,7 @@ fn haar_inverse<'py>(
     let radiance = compute(py, || {
         let haar = Haar::shared(size)?;
         checked(haar.columns(), coefficients.len())?;
-        Ok(haar.inverse(coefficients))
+        Ok(haar.inverse(&coefficients))
     })?;
     cubemap(py, size, radiance.into_flattened())
 }

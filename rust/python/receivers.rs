@@ -248,9 +248,9 @@ impl ReceiverTable {
             let found = values.shape();
             return Err(Error::input(format!("expected a response of shape ({rows}, 3), got {found:?}")).into());
         }
-        let values = values.as_slice()?;
+        let values = values.as_slice()?.to_vec();
         let mut picture = vec![0f32; 3 * height * width];
-        py.detach(|| resolve(&Rows { pixel, weight, albedo: &self.0.albedo }, values, &mut picture));
+        py.detach(|| resolve(&Rows { pixel, weight, albedo: &self.0.albedo }, &values, &mut picture));
         picture.into_pyarray(py).reshape([*height, *width, 3])
     }
 }
@@ -262,10 +262,10 @@ fn display<'py>(
     radiance: PyReadonlyArray1<'py, f32>,
     scale: f32,
 ) -> PyResult<Bound<'py, PyArray1<u8>>> {
-    let radiance = radiance.as_slice()?;
+    let radiance = to_vec(&radiance);
     let shown = compute(py, || {
         let mut shown = vec![0; radiance.len()];
-        to_display(radiance, scale, &mut shown);
+        to_display(&radiance, scale, &mut shown);
         Ok(shown)
     })?;
     Ok(shown.into_pyarray(py))

@@ -142,7 +142,7 @@ impl Updater {
         light: PyReadonlyArray2<'py, f64>,
     ) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
         let light = coefficients(&light)?;
-        let values = compute_on(py, &self.state, |state| Ok(state.prepare(light)?.map(<[_]>::to_vec)))?;
+        let values = compute_on(py, &self.state, |state| Ok(state.prepare(&light)?.map(<[_]>::to_vec)))?;
         values.map(|values| table(py, values)).transpose()
     }
 
@@ -164,7 +164,7 @@ impl Updater {
         };
         let mut picture = self.picture();
         let out = &mut picture.values;
-        let step = compute_on(py, &self.state, |state| state.frame(light, out, seconds, &chosen))?;
+        let step = compute_on(py, &self.state, |state| state.frame(&light, out, seconds, &chosen))?;
         self.stepped(py, picture, step)
     }
 

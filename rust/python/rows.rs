@@ -401,7 +401,7 @@ impl Receivers {
         response: PyReadonlyArray2<'py, f32>,
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let response = vectors::<_, 3>("a response", &response)?;
-        let corners = corners.as_slice()?;
+        let corners = corners.as_slice()?.to_vec();
         let out = compute(py, || {
             let mut out = vec![[0f32; 3]; self.triangle.len()];
             out.par_iter_mut().enumerate().try_for_each(|(k, out)| {

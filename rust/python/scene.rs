@@ -253,7 +253,7 @@ impl DirectPass {
         progress: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Py<PyArray2<f32>>> {
         let v = coefficients(&v)?;
-        rows_of(py, &interruptible(py, progress, |watch| respond(&self.0, v, &|rows| watch.advance(rows)))?)
+        rows_of(py, &interruptible(py, progress, |watch| respond(&self.0, &v, &|rows| watch.advance(rows)))?)
     }
 
     /// How much the rows of pairs (n, 2) uint32 differ, relative to the norm of rows in the mean: (n,) float32.

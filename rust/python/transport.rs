@@ -450,7 +450,7 @@ impl Transport {
             let found = lights.shape();
             return Err(Error::input(format!("expected lights of shape (k, {columns}, 3), got {found:?}")).into());
         }
-        let flat = lights.as_slice()?;
+        let flat = lights.as_slice()?.to_vec();
         let mix = mix.map(|mix| mix_of(&mix)).transpose()?;
         let out = compute(py, || {
             let lights: Vec<&[[f64; 3]]> = flat.chunks_exact(3 * columns).map(|light| light.as_chunks().0).collect();

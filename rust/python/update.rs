@@ -154,8 +154,8 @@ impl Approximation {
         let target = coefficients(&target)?;
         let given = given.map(|(resets, columns)| (resets, to_vec(&columns)));
         let update = compute_on(py, &self.state, |state| match &given {
-            None => state.step(target),
-            Some((resets, columns)) => state.step_given(target, resets, columns),
+            None => state.step(&target),
+            Some((resets, columns)) => state.step_given(&target, resets, columns),
         })?;
         update_arrays(py, update)
     }
@@ -168,13 +168,13 @@ impl Approximation {
     /// Starts again from these values, (columns, 3) float64, bit for bit.
     fn set_values(&self, py: Python<'_>, values: PyReadonlyArray2<f64>) -> PyResult<()> {
         let values = coefficients(&values)?;
-        compute_on(py, &self.state, |state| state.set_values(values))
+        compute_on(py, &self.state, |state| state.set_values(&values))
     }
 
     /// Whether the values are `target`, bit for bit.
     fn is_converged(&self, py: Python<'_>, target: PyReadonlyArray2<f64>) -> PyResult<bool> {
         let target = coefficients(&target)?;
-        Ok(look_at(py, &self.state, |state| state.is_converged(target)))
+        Ok(look_at(py, &self.state, |state| state.is_converged(&target)))
     }
 }
 

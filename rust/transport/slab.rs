@@ -10,7 +10,7 @@ pub enum Slab<T: 'static> {
     Owned(Arc<[T]>),
     /// INVARIANT: `len` items from byte `start` on lie inside the map and are aligned for T.
     Mapped {
-        /// The file, which stays mapped.
+        /// The file, which stays mapped, or a copy of it.
         map: Arc<memmap2::Mmap>,
         /// The first byte, counted from the start of the map.
         start: usize,

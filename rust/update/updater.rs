@@ -14,7 +14,7 @@ use crate::transport::Link;
 use super::chain::{Chain, check_mix};
 use super::change::Update;
 use super::choosing::method::{Budget, Settings};
-use super::multiplying::bound::{BandNorms, Measured, bound_rows, finish_bounds, largest_of_all};
+use super::multiplying::bound::{BandNorms, Measured, bound_rows, finish_bounds, largest_of_all, with_overflow};
 use super::multiplying::clustered::Clustered;
 use super::multiplying::finish::Mix;
 use super::multiplying::grid::{Grid, light_norm};
@@ -138,7 +138,7 @@ impl Updater {
         }
         self.mix = Some(mix);
         self.write(out);
-        Ok(self.shown(Update::default(), 0.0, started.elapsed().as_secs_f64()))
+        Ok(self.shown(out, Update::default(), 0.0, started.elapsed().as_secs_f64()))
     }
 
     /// Moves towards `light` (columns x 3) and writes B (rows x 3). A light that is refused leaves everything as it was.
@@ -202,7 +202,7 @@ impl Updater {
         }
         let multiplying = started.elapsed().as_secs_f64() - choosing;
 
-        let step = self.shown(update, choosing, multiplying);
+        let step = self.shown(out, update, choosing, multiplying);
         if seconds.is_some() && !whole {
             self.pace.learn(self.first.streamed(), started.elapsed().as_secs_f64() - settled);
         }
@@ -243,8 +243,8 @@ impl Updater {
         largest_of_all(each.into_iter().zip(self.largest_weights()))
     }
 
-    /// What there is to say of the picture that was just written.
-    fn shown(&mut self, update: Update, choosing: f64, multiplying: f64) -> Step {
+    /// What there is to say of the picture `out` that was just written.
+    fn shown(&mut self, out: &[f32], update: Update, choosing: f64, multiplying: f64) -> Step {
         self.shown += 1;
         let converged = self.first.is_converged() && self.second.iter().all(Stage::is_converged);
         self.truncation = self.bound(|output| output.settled, &self.nothing_unsent());
@@ -252,7 +252,7 @@ impl Updater {
         Step {
             update,
             number: self.shown,
-            bound: self.bound(|output| output.measured, &self.unsent),
+            bound: with_overflow(self.bound(|output| output.measured, &self.unsent), out),
             truncation: self.truncation,
             remaining: remaining.unwrap_or_default(),
             converged,

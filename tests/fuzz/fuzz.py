@@ -45,7 +45,7 @@ Use = Callable[[Path], None]
 def harmed_manifest(files: Files, rng: Random) -> Files:
     text = files[MANIFEST]
     text = mu.harm_bytes(text, rng) if rng.random() < 0.2 else mu.write(mu.harm_tree(mu.parse(text), rng)).encode()
-    return files | {MANIFEST: text}
+    return files | {MANIFEST: mu.sealed(text) if rng.random() < 0.95 else text}
 
 
 def harmed_tile(files: Files, rng: Random) -> Files:
@@ -55,7 +55,7 @@ def harmed_tile(files: Files, rng: Random) -> Files:
     manifest = mu.parse(files[MANIFEST])
     if rng.random() < 0.95:
         mu.put_right(manifest, name, files[name], harmed)
-    return files | {name: harmed, MANIFEST: mu.write(manifest).encode()}
+    return files | {name: harmed, MANIFEST: mu.sealed(mu.write(manifest).encode())}
 
 
 def harmed_gltf(files: Files, rng: Random) -> Files:

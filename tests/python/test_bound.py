@@ -46,6 +46,20 @@ def test_relative_is_to_the_frame(made):
     assert "about" in frame.bound.describe() and "at most" in frame.bound.describe()
 
 
+def test_a_picture_beyond_float32_is_infinitely_far_off(made):
+    """A light of 1e39 gave an infinite picture with a finite bound."""
+    transport, _ = made
+    V = transport.coefficients(HALL)
+    for method in (dl.Full(), dl.PerBand(terms=20)):
+        relighter = dl.Relighter(transport, method)
+        for _ in range(3):
+            frame = relighter.step(1e39 * V)
+            assert np.isinf(frame.values).any() and frame.bound == np.inf and frame.bound.relative == np.inf
+            assert frame.bound.pending >= 0 and np.isinf(relighter.bounds(frame)[np.isinf(frame.values)]).all()
+        large = relighter.step(1e36 * V)
+        assert np.isfinite(large.values).all() and np.isfinite(large.bound)
+
+
 def test_the_estimate_is_usually_right_and_the_bound_always(made):
     transport, exact = made
     off = []

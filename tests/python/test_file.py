@@ -105,7 +105,7 @@ def test_what_a_file_says(tmp_path):
     assert table.kind == "pixels" and table.image_shape == (2, 70) and table.material is None and len(table) == 70
     for name in ("pixel", "weight", "albedo", "position", "normal"):
         np.testing.assert_array_equal(getattr(table, name), receivers(70)[name])
-    assert table.background.shape == (2, 70) and opened.audit() is None and opened.version == [2, 1]
+    assert table.background.shape == (2, 70) and opened.audit() is None and opened.version == [2, 2]
     assert opened.nbytes > 0 and table.nbytes == 70 * 44 + 140 * 4
     indptr, indices, data = opened.to_csr(0)
     stored = read_dense(opened)
@@ -139,6 +139,26 @@ def test_a_smaller_version(tmp_path):
     # haar:2 has areas of 4 throughout, so the error under the prior is the plain relative norm.
     assert np.linalg.norm(lost) / np.linalg.norm(array) == pytest.approx(error, rel=1e-2)
     np.testing.assert_array_equal(smaller.receivers.albedo, opened.receivers.albedo)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs a child process")
+def test_an_open_transport_outlives_files_that_are_cut_or_written_over(tmp_path):
+    """What had been mapped ended the process with SIGBUS, or changed products without a word."""
+    path = tmp_path / "a.transport"
+    write(path, dense_rows(70))
+    child = os.fork()
+    if child == 0:
+        same = False
+        try:
+            opened = _core.Transport.open(path)
+            before = read_dense(opened)
+            for file in path.glob("*.safetensors"):
+                os.truncate(file, 0)
+                file.write_bytes(os.urandom(100))
+            same = np.array_equal(read_dense(opened), before) and before.any()
+        finally:
+            os._exit(0 if same else 1)
+    assert os.waitpid(child, 0)[1] == 0
 
 
 def test_an_open_transport_outlives_its_replacement(tmp_path):

@@ -4,12 +4,16 @@ import json
 import os
 import sys
 from pathlib import Path
+from random import Random
 
 import numpy as np
 import pytest
-from deltalux import FileError, Scene
+from deltalux import CurveTransport, Environment, FileError, Scene, StudioTransport, Transport
+from deltalux.brdf import Measured
 from deltalux.scene import content
 from deltalux.scene.content import Content
+from deltalux.transport.folder import Folder
+from deltalux.transport.plan import Plan
 from tools import needed
 
 FUZZ = Path(__file__).parents[1] / "fuzz"
@@ -18,7 +22,7 @@ if not FUZZ.exists():
 sys.path.insert(0, str(FUZZ))
 needed("xxhash")
 fuzz = needed("fuzz")
-samples = fuzz.samples
+samples, mu = fuzz.samples, fuzz.mu
 
 
 @pytest.fixture(scope="module")
@@ -144,3 +148,108 @@ def test_a_picture_outside_the_folder_is_not_opened(tmp_path):
     (folder / "a.mtl").write_text("newmtl m\nKd 1 0 0\nmap_Kd ../pipe\n")
     scene = Scene.load(folder / "scene.obj")
     assert scene.counts["textures ignored"] == 1 and "../pipe cannot be read" in scene.warnings[0]
+
+
+def test_zeros_that_go_with_nothing_are_not_made(tmp_path):
+    """Of 686 bytes 1.3 GB were made: a million corners that no buffer could hold."""
+    (_, files) = samples.scenes()
+    tree = json.loads(files["scene.gltf"])
+    tree["accessors"][3]["count"] = 1000
+    fuzz.put(tmp_path, {}, files | {"scene.gltf": json.dumps(tree).encode()})
+    with pytest.raises(FileError, match="1000 elements without data, too many for a file of 104 bytes"):
+        Scene.load(tmp_path / "scene.gltf")
+
+
+def test_zeros_are_bounded_together(tmp_path):
+    (_, files) = samples.scenes()
+    tree = json.loads(files["scene.gltf"])
+    tree["meshes"][1]["primitives"] += 1000 * [{"attributes": {"POSITION": 3}}]
+    fuzz.put(tmp_path, {}, files | {"scene.gltf": json.dumps(tree).encode()})
+    with pytest.raises(FileError, match="3 elements without data, too many"):
+        Scene.load(tmp_path / "scene.gltf")
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs a pipe")
+@pytest.mark.parametrize(
+    ("name", "read"),
+    [
+        ("manifest.json", Transport.open),
+        ("curves.json", CurveTransport.open),
+        ("studio.json", StudioTransport.open),
+        ("scene.bin", lambda folder: Scene.load(folder / "scene.gltf")),
+        ("scene.gltf", lambda folder: Scene.load(folder / "scene.gltf")),
+    ],
+)
+@pytest.mark.parametrize("kind", ["pipe", "6 GB"])
+def test_neither_a_pipe_nor_6_gb_are_read(tmp_path, name, read, kind):
+    """A pipe was waited for, for ever, and a file of 6 GB that holds nothing was read whole."""
+    fuzz.put(tmp_path, {}, samples.scenes()[1])
+    path = tmp_path / name
+    path.unlink(missing_ok=True)
+    if kind == "pipe":
+        os.mkfifo(path)
+    else:
+        with open(path, "wb") as file:
+            file.truncate(6 << 30)
+    with pytest.raises((FileError, FileNotFoundError), match="plain file|at most [0-9,]+ bytes|not there"):
+        read(tmp_path)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs a pipe")
+@pytest.mark.parametrize("read", [Environment.load, Measured.load])
+def test_pictures_and_materials_are_plain_files(tmp_path, read):
+    os.mkfifo(tmp_path / "pipe.hdr")
+    with pytest.raises(FileError, match="plain file"):
+        read(tmp_path / "pipe.hdr")
+
+
+def test_the_files_of_a_scene_are_bounded_together(tmp_path, monkeypatch):
+    (_, files) = samples.scenes()
+    fuzz.put(tmp_path, {}, files)
+    monkeypatch.setattr(content, "MOST_BYTES", len(files["scene.gltf"]) + len(files["scene.bin"]) - 1)
+    with pytest.raises(FileError, match="at most 103 bytes"):
+        Scene.load(tmp_path / "scene.gltf")
+
+
+def test_hostile_plans_are_refused(bases):
+    """An error of 400 digits was taken for one, and raised an OverflowError where it was shown."""
+    plans = [dict(mu.parse(base["manifest.json"]))["plan"] for base in bases["manifest"]]
+    plan, taken = next(plan for plan in plans if plan), 0
+    for number in range(400):
+        text = mu.write(mu.harm_tree(mu.parse(mu.write(plan)), Random(number)))
+        try:
+            str(Plan.from_json(text))
+            taken += 1
+        except ValueError:
+            pass
+    assert 20 < taken < 380
+    huge = json.loads(mu.write(plan)) | {"errors": {"sky": 10**400}}
+    with pytest.raises(ValueError, match="an error as the plan's errors of sky"):
+        Plan.from_json(json.dumps(huge))
+
+
+@pytest.mark.parametrize(
+    "about",
+    ["[]", "{}", '{"seconds": null}', '{"seconds": []}', '{"seconds": "now"}', "7", "null", "[" * 3000, "{",
+     '{"seconds": ' + "9" * 400 + "}", '{"seconds": {"a": 1}}'],
+)  # fmt: skip
+def test_hostile_entries_of_a_folder_are_its_fault(tmp_path, about):
+    """Whatever they made their reader raise came out as it was."""
+    folder = Folder("a folder", "folder.json", 1)
+    folder.write(tmp_path, {"seconds": 1.0}, {"a": np.zeros(3)})
+    with folder.opened(tmp_path) as (found, stored):
+        assert found["seconds"] == 1.0 and stored["a"].shape == (3,)
+    if about.startswith("{") and about.endswith("}"):
+        about = json.dumps(json.loads(about) | {"version": 1})
+    (tmp_path / "folder.json").write_text(about)
+    with pytest.raises(FileError), folder.opened(tmp_path) as (found, _):
+        float(found["seconds"])
+
+
+def test_arrays_of_a_folder_do_not_unfold(tmp_path):
+    """A kilobyte may say a gigabyte of zeros where arrays are compressed."""
+    folder = Folder("a folder", "folder.json", 1)
+    folder.write(tmp_path, {}, {})
+    np.savez_compressed(tmp_path / "arrays.npz", a=np.zeros(1000))
+    with pytest.raises(FileError, match="compressed"), folder.opened(tmp_path):
+        pass

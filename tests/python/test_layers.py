@@ -31,7 +31,7 @@ RUST_FLOORS = (
 )
 PYTHON_FLOORS = (
     ("_core",),
-    ("mistakes",),
+    ("mistakes", "plain"),
     ("checks", "images"),
     ("rotation", "io", "output", "progress"),
     ("light", "update", "columns", "brdf", "camera"),

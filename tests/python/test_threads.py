@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import sys
 import threading
 
 import deltalux as dl
@@ -220,3 +221,62 @@ def test_a_writer_shared_by_threads(tmp_path, threads):
             assert writer.finished("direct")
 
     together(threads, work)
+
+
+@contextlib.contextmanager
+def spoiled(array, bad):
+    """While this lasts another thread writes what is refused into an array and takes it back, again and again."""
+    good, stop = array.copy(), threading.Event()
+
+    def spoil() -> None:
+        while not stop.is_set():
+            array[:] = bad
+            array[:] = good
+
+    thread, interval = threading.Thread(target=spoil, daemon=True), sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    thread.start()
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(interval)
+        stop.set()
+        thread.join(60)
+        array[:] = good
+
+
+@pytest.mark.parametrize("method", [dl.PerBand(terms=100), Counted(terms=100)], ids=["built-in", "own"])
+def test_a_light_that_changes_during_a_step_is_taken_or_refused_whole(method):
+    """A NaN that came between the check and the product stayed in all later frames."""
+    columns = dl.Haar(64)
+    M = np.random.default_rng(0).normal(size=(16, columns.columns))
+    transport = dl.Transport(_core.Transport.from_dense(M, columns=str(columns), tile_rows=16))
+    good = np.random.default_rng(1).normal(size=(columns.columns, 3))
+    light, relighter = good.copy(), dl.Relighter(transport, method)
+    with spoiled(light, np.nan):
+        for _ in range(100):
+            with contextlib.suppress(ValueError):
+                assert np.isfinite(relighter.step(light).values).all()
+    frame = relighter.step(good)
+    np.testing.assert_array_equal(frame.values, transport.multiply(relighter.values))
+
+
+def test_arrays_that_change_during_a_call_are_taken_or_refused_whole(transport, lights):
+    factors = [tiled(seed=seed) for seed in range(2)]
+    joined = dl.Transport(_core.Transport.join([factor._core for factor in factors]))
+    light, mix = lights[0].copy(), np.ones((joined.shape[0], 2), np.float32)
+    approximation = dl.Approximation(COLUMNS, dl.PerBand(terms=50))
+    relighter = dl.Relighter(joined, dl.Full(), mix=mix)
+    relighter.step(light)
+    calls = [
+        lambda: approximation.step(light).changes,
+        lambda: transport.multiply(light),
+        lambda: relighter.mix(mix).values,
+        lambda: joined.multiply(lights[0], mix=mix),
+    ]
+    with spoiled(light, np.nan), spoiled(mix, np.inf):
+        for call in calls * 60:
+            with contextlib.suppress(ValueError):
+                assert np.isfinite(call()).all()
+    approximation.step(lights[0])
+    assert np.isfinite(approximation.values).all()

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use _core::basis::{ColumnSpace, HaarTree};
 use _core::error::Error;
 use _core::precompute::models;
-use _core::transport::file::manifest::{FileEntry, MANIFEST, TILES_PER_SHARD};
+use _core::transport::file::manifest::{FileEntry, MANIFEST, TILES_PER_SHARD, sealed};
 use _core::transport::file::versions::read_manifest;
 use _core::transport::weights::NEGATIVE;
 use _core::transport::{
@@ -285,7 +285,13 @@ fn forge(path: &Path, name: &str, bytes: &[u8]) {
         bytes: bytes.len() as u64,
         xxh3: format!("{:016x}", xxhash_rust::xxh3::xxh3_64(bytes)),
     };
-    fs::write(path.join(MANIFEST), serde_json::to_vec(&manifest).unwrap()).unwrap();
+    fs::write(path.join(MANIFEST), sealed(&manifest).unwrap()).unwrap();
+}
+
+/// The text of a manifest with the digest that belongs to it, as a liar would write it.
+fn resealed(text: &str) -> String {
+    let (before, _) = text.rsplit_once("\"digest\"").unwrap();
+    format!("{before}\"digest\": \"{:016x}\"\n}}", xxhash_rust::xxh3::xxh3_64(before.as_bytes()))
 }
 
 /// A safetensors file split into header text and data.
@@ -358,20 +364,20 @@ fn forged_headers_never_crash() {
 }
 
 #[test]
-fn manifests_are_checked_byte_by_byte() {
+fn no_flipped_bit_of_a_manifest_is_believed() {
     let scratch = Scratch::new();
     let path = scratch.path("a.transport");
     write(&path, &small(Width::I8), Width::I8);
-    let text = fs::read_to_string(path.join(MANIFEST)).unwrap();
-    for position in 0..text.len() {
-        let mut flipped = text.clone().into_bytes();
-        flipped[position] ^= 1 << (position % 7);
+    let text = fs::read(path.join(MANIFEST)).unwrap();
+    for bit in 0..8 * text.len() {
+        let mut flipped = text.clone();
+        flipped[bit / 8] ^= 1 << (bit % 8);
         fs::write(path.join(MANIFEST), &flipped).unwrap();
-        match open(&path, &models) {
-            Ok(read) => assert_eq!(read.product.rows(), ROWS),
-            Err(Error::File { .. }) => {}
-            Err(error) => panic!("byte {position}: {error}"),
-        }
+        assert!(matches!(read_manifest(&path), Err(Error::File { .. })), "bit {bit}");
+    }
+    for length in 0..text.len() {
+        fs::write(path.join(MANIFEST), &text[..length]).unwrap();
+        refused(&path);
     }
     fs::remove_file(path.join(MANIFEST)).unwrap();
     assert!(matches!(open(&path, &models), Err(Error::Os { .. })));
@@ -385,8 +391,8 @@ fn hostile_manifests_are_refused_with_a_reason() {
     let text = fs::read_to_string(path.join(MANIFEST)).unwrap();
     let cases = [
         ("\"deltalux.transport\"", "\"something.else\"", "format"),
-        ("2,\n    1", "5,\n    0", "version 5"),
-        ("2,\n    1", "3,\n    0", "\"models\" is missing"),
+        ("2,\n    2", "5,\n    0", "version 5"),
+        ("2,\n    2", "3,\n    0", "\"models\" is missing"),
         ("\"rows\": 170", "\"rows\": 18446744073709551615", "rows"),
         ("\"rows\": 170", "\"rows\": 4294967295", "expected 33554433 files"),
         ("\"rows\": 170", "\"rows\": 0", "rows"),
@@ -416,16 +422,27 @@ fn hostile_manifests_are_refused_with_a_reason() {
         ("\"none\"", "\"tree\"", "each stage"),
         ("\"none\"", "\"chain\"", "expected a link"),
         ("\"pixels\"", "\"vertices\"", "kind"),
+        ("\"fov\": 40.1", "\"width\": 10, \"height\": 20", "camera's 10 x 20"),
     ];
     for (from, to, reason) in cases {
         let forged = text.replacen(from, to, 1);
         assert_ne!(forged, text, "{from}");
-        fs::write(path.join(MANIFEST), forged).unwrap();
+        fs::write(path.join(MANIFEST), &forged).unwrap();
+        refused(&path);
+        // Behind the digest there is a reason of its own.
+        fs::write(path.join(MANIFEST), resealed(&forged)).unwrap();
         let message = refused(&path);
         assert!(message.contains(reason), "{from} -> {to}: {message}");
     }
+    // Before version 2.2 there was no digest; one that is there is checked all the same.
+    let before = text.rsplit_once(",\n  \"digest\"").unwrap().0.to_owned() + "\n}";
+    fs::write(path.join(MANIFEST), &before).unwrap();
+    assert!(refused(&path).contains("digest"));
+    fs::write(path.join(MANIFEST), before.replacen("2,\n    2", "2,\n    1", 1)).unwrap();
+    assert_eq!(open(&path, &models).unwrap().product.rows(), ROWS);
     // Keys that are unknown are ignored, as the format promises to its own future.
-    fs::write(path.join(MANIFEST), text.replacen("\"rows\"", "\"mood\": [1, {\"a\": 2}], \"rows\"", 1)).unwrap();
+    let moody = text.replacen("\"rows\"", "\"mood\": [1, {\"a\": 2}], \"rows\"", 1);
+    fs::write(path.join(MANIFEST), resealed(&moody)).unwrap();
     assert_eq!(open(&path, &models).unwrap().product.rows(), ROWS);
 }
 
@@ -462,7 +479,7 @@ fn hostile_tiles_are_refused_with_a_reason() {
 
     // Contents, one promise broken at a time, in a transport that is otherwise whole.
     type Break = fn(&mut Vec<u32>, &mut Vec<u16>, &mut Vec<i8>, &mut Vec<u16>);
-    let cases: [(Break, &str); 8] = [
+    let cases: [(Break, &str); 9] = [
         (|starts, _, _, _| starts[0] = 1, "starts"),
         (|starts, _, _, _| *starts.last_mut().unwrap() += 1, "starts"),
         (|starts, _, _, _| starts[3] = u32::MAX, "step back"),
@@ -471,6 +488,7 @@ fn hostile_tiles_are_refused_with_a_reason() {
         (|_, words, _, _| words[0] |= 63 << 10, "shifts"),
         (|_, _, values, _| values[0] = i8::MIN, "values from"),
         (|_, _, _, norms| norms[0] = 0x7f80, "norms"),
+        (|_, _, _, norms| norms[0] = 0, "or more kept"),
     ];
     for (harm, reason) in cases {
         let mut tile = matrix.tiles[4].clone();
@@ -591,7 +609,7 @@ fn chains_are_read_as_they_were_written() {
             (Link::None, Link::None) => {}
             _ => panic!("{name}: another link"),
         }
-        assert_eq!(manifest.version, if name == "weights" { [4, 0] } else { [2, 1] });
+        assert_eq!(manifest.version, if name == "weights" { [4, 1] } else { [2, 2] });
         assert_eq!(manifest.receivers.kind, table.kind.name());
         assert_eq!(receivers.kind.name(), table.kind.name());
         assert_eq!(&receivers.position[..], &table.position[..]);
@@ -609,7 +627,7 @@ fn parts_of_one_name_are_refused() {
     let about = Description { parts, first: 2, ..about(&matrix, Width::I8) };
     writer.finish(&about, &receivers(ROWS), None).unwrap();
     let text = fs::read_to_string(path.join(MANIFEST)).unwrap();
-    fs::write(path.join(MANIFEST), text.replace("\"other\"", "\"first\"")).unwrap();
+    fs::write(path.join(MANIFEST), resealed(&text.replace("\"other\"", "\"first\""))).unwrap();
     let message = refused(&path);
     assert!(message.contains("\"first\" twice"), "{message}");
 }

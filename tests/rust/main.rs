@@ -7,6 +7,7 @@ mod bounces;
 mod brdf;
 mod clustered;
 mod curves;
+mod direct;
 mod emission;
 mod file;
 mod harmonics;

@@ -1,7 +1,7 @@
 //! Rays: every way of tracing them against brute force in f64, then the cases where ray tracers leak or hit themselves.
 
-use _core::scene::Mesh;
 use _core::scene::rays::{Apex, FAN, Fan, Holes, LIFT, Octant, Opacity, Picture, Tracer, Walk, Wrap, fans, walk};
+use _core::scene::{Mesh, Surfaces};
 use proptest::prelude::*;
 
 type Point = [f64; 3];
@@ -430,6 +430,29 @@ fn a_convex_mesh_does_not_hit_itself() {
             }
         }
         assert!(rays >= 100_000);
+    }
+}
+
+/// What a ray finds, and what a triangle is looked at from, lies off the surface: it does not hide the sky from itself.
+#[test]
+fn points_of_surfaces_are_lifted_off_them() {
+    let mut dice = Dice(12);
+    let mesh = Soup::sphere(4).moved(1.0, [0.3, -0.2, 0.1]).mesh();
+    let tracer = Tracer::new(&mesh);
+    let surfaces = Surfaces { mesh: &mesh, tracer: &tracer };
+    let directions = texel_centres(8);
+    let middle = mesh.normalised([0.3, -0.2, 0.1]).map(f64::from);
+    for _ in 0..100 {
+        let out = unit(dice.direction());
+        let from = narrow(std::array::from_fn(|k| middle[k] + 2.0 * out[k]));
+        let found = surfaces.meet(from, out.map(|x| -x)).unwrap();
+        for point in [found, surfaces.side(found.triangle as usize, found.barycentric, false)] {
+            let rise = dot(sub(point.origin, point.place), point.normal);
+            let coordinate = point.place.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
+            assert!(rise >= LIFT * coordinate && rise < 1e-4, "{rise}");
+            let above = directions.iter().copied().filter(|&d| dot(wide(d), point.normal) > 0.0);
+            assert!(!above.step_by(7).any(|d| tracer.occluded(narrow(point.origin), d)));
+        }
     }
 }
 

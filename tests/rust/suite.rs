@@ -302,6 +302,10 @@ fn every_form_under_every_method_is_within_its_bound_and_ends_exact() {
             for (frame, target) in moving.chain(still).enumerate() {
                 let step = follow.step(&target, &mut out).unwrap();
                 converged = step.converged;
+                assert!(
+                    !converged || follow.values() == target,
+                    "{name}, {method:?}, frame {frame}: not what was asked"
+                );
                 follow.bounds(step.number, &out, &mut bounds).unwrap();
                 let exact = oracle(&target);
                 for (k, ((&found, &bound), exact)) in out.iter().zip(&bounds).zip(exact.as_flattened()).enumerate() {

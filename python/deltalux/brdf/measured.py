@@ -5,17 +5,19 @@ from __future__ import annotations
 import hashlib
 import os
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._core import MERL, FileError
 from .._core import Measured as Core
+from ..plain import read_plain
 from ..rotation import unit_directions
 from . import tensor_file
 from .model import paired, rows, sampled
 
+# A table of MERL has 35 MB.
+_MOST_BYTES = 1 << 30
 # MERL's scale of each colour.
 _MERL_SCALE = (1.0 / 1500.0, 1.15 / 1500.0, 1.66 / 1500.0)
 _MERL_HEADER = np.array(MERL, "<i4").tobytes()
@@ -74,8 +76,8 @@ class Measured:
         OSError
             If it cannot be read.
         """
+        data = read_plain(path, _MOST_BYTES)
         try:
-            data = Path(path).read_bytes()
             return cls(*_material(data), hashlib.blake2b(data, digest_size=32).hexdigest())
         except ValueError as error:
             raise FileError(f"{os.fspath(path)}: {error}") from None

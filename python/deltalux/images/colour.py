@@ -108,6 +108,9 @@ def _converted(pixels: Image, space: str) -> Image:
     # Of displays, those whose curve is relative: PQ and HLG say luminances of a screen.
     if space in ("data", "raw", "Raw") or space.startswith(("pq_", "hlg_")):
         raise ValueError(f"expected colours of a scene, got the colour space {space!r}")
+    # Bytes that are no text come as lone surrogates, which the library does not take back.
+    if not space.isprintable():
+        raise ValueError(f"expected a colour space that is known, got {space!r}")
     buffer = oiio.ImageBuf(np.ascontiguousarray(pixels))
     result = oiio.ImageBufAlgo.colorconvert(buffer, space, "lin_rec709_scene")
     if result.has_error:

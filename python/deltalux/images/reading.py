@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._core import FileError
+from ..plain import open_plain
 from . import attributes, colour, radiance
 from .channels import Choice, choose
 from .oiio import MAX_MEGABYTES, library, reason
@@ -48,7 +49,7 @@ def load_image(path: str | os.PathLike[str], layer: str | None = None) -> tuple[
     """
     name = os.fspath(path)
     # The operating system says best why a file cannot be opened.
-    with open(name, "rb") as file:
+    with open_plain(name) as file:
         own = file.read(len(radiance.MAGIC)) == radiance.MAGIC
         data = radiance.MAGIC + file.read(MAX_MEGABYTES << 20) if own else b""
     try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -30,7 +31,7 @@ class Bound(float):
     def __new__(cls, total: float, truncation: float = 0.0, frame: Doubt | None = None) -> Bound:
         self = super().__new__(cls, total)
         self.truncation = min(truncation, total)
-        self.pending = total - self.truncation
+        self.pending = total - self.truncation if self.truncation < total else 0.0
         self._frame = frame
         return self
 
@@ -101,7 +102,7 @@ def _over(error: float, size: float) -> float:
     """No error is 0, whatever it is relative to."""
     if error == 0.0:
         return 0.0
-    return error / size if size > 0.0 else float("inf")
+    return error / size if 0.0 < size < math.inf else math.inf
 
 
 def _gains(transport: Transport) -> NDArray[np.float64]:

@@ -64,9 +64,11 @@ class Frame:
         No receiver's red, green or blue in `values` is further than this from the untruncated product with the light
         asked for: what is not yet applied, what truncation took, and rounding (Cauchy-Schwarz in every band). A number
         that knows its parts, ``bound.pending`` and ``bound.truncation``, both relative to the picture,
-        ``bound.relative``, and how large the error probably is, ``bound.estimate``.
+        ``bound.relative``, and how large the error probably is, ``bound.estimate``. Infinite where B is beyond float32.
     converged
-        Whether the light has been applied in full, with all of its suns and lamps in texel columns where there are any.
+        Whether the light has been applied in full, with all of its suns and lamps in texel columns where there are any:
+        rounded to the grid of the relighter, which leaves room for it to grow, and is coarser after a brighter one.
+        `multiply` of the light itself rounds finer: it may be off from such a frame by what `bound` says.
     """
 
     values: NDArray[np.float32]
@@ -177,7 +179,8 @@ class Relighter:
             raise ValueError(f"expected an update method such as PerBand(terms=30), got {described(method)}")
         self.transport = transport
         self.method = method
-        self._asked = (initial, second, None if mix is None else np.array(mix, np.float32))
+        mix = None if mix is None else np.array(mix, np.float32)
+        self._asked = (initial, second, mix)
         self._stepped = False
         core, weights = transport._core, None if mix is None else transport.mixed(mix)
         timed = method.milliseconds is not None
@@ -233,6 +236,7 @@ class Relighter:
             raise ValueError(f"expected a light of shape ({self.transport.shape[1]}, 3), got {V.shape}")
         if self._weights is None:
             return self._step(V, started, None, env, whole)
+        V = V.copy()  # Looked at twice: what another thread writes meanwhile is in neither look or in both.
         with self._asking:
             return self._step(V, started, self._ask(V, self._weights), env, whole)
 

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..camera import Camera
+from ..plain import read_plain
 from ..surface.cutout import Cutout
 from ..surface.texture import Sampler
 
 MOST_TRIANGLES = 100_000_000
+# Of the scene's file and all that it names: more than 100 million triangles take.
+MOST_BYTES = 4 << 30
 # Of all textures together, 3 GB as linear floats: a picture of one colour takes next to nothing in a file.
 MOST_TEXELS = 1 << 28
 # Surfaces of which the source does not say the colour are middle grey.
@@ -73,8 +77,16 @@ class Content:
     """By name; the first is the one that the content is seen by unless another is asked for."""
     wanted: int | str | None = None
     """Which of a file's scenes, by its number or its name."""
+    bytes_read: int = 0
+    """Of all files so far."""
     counts: Counter[str] = field(default_factory=Counter)
     warnings: list[str] = field(default_factory=list)
+
+    def read(self, path: Path) -> bytes:
+        """The bytes of a plain file, as long as all files together stay of a size."""
+        data = read_plain(path, MOST_BYTES - self.bytes_read)
+        self.bytes_read += len(data)
+        return data
 
     def add_material(
         self,

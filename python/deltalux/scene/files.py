@@ -30,10 +30,10 @@ def read(path: str | os.PathLike[str], scene: int | str | None = None) -> Conten
     kind = path.suffix.lower()
     if kind not in _READERS and not path.is_dir():
         raise FileError(f"{path}: expected one of {', '.join(_READERS)}, got {path.suffix or 'no suffix'!r}")
-    data = path.read_bytes()
+    content = Content(path.stem)
+    data = content.read(path)
     if scene is not None and _READERS[kind] is not read_gltf:
         raise FileError(f"{path}: expected a .glb or a .gltf to choose a scene of, others hold one alone")
-    content = Content(path.stem)
     with blaming(path):
         content.wanted = scene
         _READERS[kind](content, path.parent.resolve(), data, kind[1:])

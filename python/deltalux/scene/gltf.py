@@ -44,7 +44,7 @@ SHOWN_WITHOUT = {f"KHR_materials_{look}" for look in _LOOKS} | {
 
 def read(content: Content, folder: Path, data: bytes, kind: str) -> None:
     """Fill `content` from the bytes of a file of `kind` "gltf" or "glb", which may name others near it."""
-    _Reader(content, Data(folder, *chunks(data, kind))).run()
+    _Reader(content, Data(content, folder, *chunks(data, kind))).run()
 
 
 class _Reader:

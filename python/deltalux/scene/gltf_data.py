@@ -14,15 +14,16 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from .content import MOST_TRIANGLES
+from .content import MOST_TRIANGLES, Content
 from .nearby import is_nearby
 
 __all__ = ["Data", "chunks", "item"]
 
 COMPONENT = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-# Elements of an accessor that the file does not hold are zeros, and cost its writer nothing but their number.
-MOST_IMPLIED = 1 << 20
+# Elements of an accessor that the file does not hold are zeros, and cost its writer nothing but their number. They go
+# with others that it does hold, as displacements go with vertices, which take three bytes at the least.
+LEAST_CORNER, MOST_TIMES = 3, 8
 
 
 def chunks(data: bytes, kind: str) -> tuple[dict[str, Any], bytes | None]:
@@ -50,9 +51,10 @@ def chunks(data: bytes, kind: str) -> tuple[dict[str, Any], bytes | None]:
 class Data:
     """The bytes that a file names, read when they are first asked for."""
 
-    def __init__(self, folder: Path, tree: dict[str, Any], binary: bytes | None) -> None:
-        self.folder, self.tree, self.binary = folder, tree, binary
+    def __init__(self, content: Content, folder: Path, tree: dict[str, Any], binary: bytes | None) -> None:
+        self.content, self.folder, self.tree, self.binary = content, folder, tree, binary
         self.buffers: dict[int, bytes] = {}
+        self.implied = 0
 
     def accessor(self, index: int, *shapes: str) -> np.ndarray:
         """Decode an accessor, (count, components): strides, normalised integers and sparse corrections included."""
@@ -66,8 +68,7 @@ class Data:
         if "bufferView" in accessor:
             values = self._elements(accessor["bufferView"], accessor.get("byteOffset", 0), dtype, count, WIDTH[shape])
         elif "sparse" in accessor:
-            if count > MOST_IMPLIED:
-                raise ValueError(f"accessor {index} has {count} elements without data, more than {MOST_IMPLIED}")
+            self._imply(index, count)
             values = np.zeros((count, WIDTH[shape]), dtype)
         else:
             raise ValueError(f"accessor {index} has no data")
@@ -76,6 +77,13 @@ class Data:
         if accessor.get("normalized") and dtype.kind in "iu":
             values = np.maximum(values / np.iinfo(dtype).max, -1.0)
         return values
+
+    def _imply(self, index: int, count: int) -> None:
+        """Count elements that the file does not hold: as many as its bytes could be corners of, a few times over."""
+        held = sum(len(self._buffer(number)) for number in range(len(self.tree.get("buffers", []))))
+        self.implied += count
+        if count > held // LEAST_CORNER or self.implied > MOST_TIMES * held:
+            raise ValueError(f"accessor {index} has {count} elements without data, too many for a file of {held} bytes")
 
     def _corrected(self, values: np.ndarray, sparse: dict[str, Any]) -> np.ndarray:
         """Overwrite the rows that a sparse accessor lists."""
@@ -126,7 +134,7 @@ class Data:
         path = self.check_path(uri)
         if not path.is_file():
             raise FileNotFoundError(f"{uri} is not there")
-        return path.read_bytes()
+        return self.content.read(path)
 
     def check_path(self, uri: str) -> Path:
         """A path that the rule of `nearby` lets be read."""

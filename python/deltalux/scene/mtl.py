@@ -116,7 +116,7 @@ def read_libraries(content: Content, folder: Path, libraries: list[str]) -> dict
 def _library(content: Content, path: Path) -> list[Finish]:
     found: list[Finish] = []
     dissolve: dict[str, float] = {}
-    for line in os.fsdecode(path.read_bytes()).splitlines():
+    for line in os.fsdecode(content.read(path)).splitlines():
         keyword, _, rest = line.strip().replace("\t", " ").partition(" ")
         keyword, rest = keyword.lower(), rest.strip()
         if keyword == "newmtl":

@@ -92,7 +92,7 @@ def read_picture(content: Content, path: Path | None, name: str) -> Picture | No
         content.leave_out("textures ignored", f"{name} cannot be read: it is not there, or not in the scene's folders")
         return None
     try:
-        return decoded(path.read_bytes())
+        return decoded(content.read(path))
     except (OSError, ValueError) as error:
         content.leave_out("textures ignored", f"{name} cannot be read: {error}")
         return None

@@ -8,18 +8,24 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from zipfile import BadZipFile
+from zipfile import ZIP_STORED, BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .._core import FileError
 from ..mistakes import misplaced
+from ..plain import MOST_TEXT, read_plain
 
 __all__ = ["Folder", "array", "stored_arrays"]
 
 _ARRAYS = "arrays.npz"
 _LARGEST = 1 << 30
+# What a manifest or an array that is not what it should be makes whoever reads it raise.
+_DAMAGE = (
+    ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RecursionError, EOFError, MemoryError,
+    NotImplementedError, BadZipFile,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -53,17 +59,24 @@ class Folder:
         if not (path / self.manifest).exists():
             raise FileError(misplaced(path, self.what) or f"{path}: expected {self.what}, got none")
         try:
-            about = json.loads((path / self.manifest).read_text(encoding="utf-8"))
+            about = json.loads(read_plain(path / self.manifest, MOST_TEXT))
             if about["version"] != self.version:
                 raise ValueError(f"expected version {self.version}, found {about['version']!r}")
             yield about, stored_arrays(path / _ARRAYS)
-        except (ValueError, TypeError, LookupError, RecursionError, EOFError, BadZipFile) as error:
-            raise FileError(f"{path}: {error}") from None
+        except FileError:
+            raise
+        except _DAMAGE as error:
+            reason = str(error) if isinstance(error, ValueError) else f"{type(error).__name__}: {error}"
+            raise FileError(f"{path}: {reason}") from None
 
 
 def stored_arrays(path: Path) -> dict[str, NDArray[Any]]:
-    """All arrays of a file."""
+    """All arrays of a file, which lie in it as they are: a few bytes that unfold into many are refused."""
+    if not path.is_file():
+        raise ValueError(f"expected {path.name}, a plain file")
     with open(path, "rb") as file, np.load(file, allow_pickle=False) as arrays:
+        if any(own.compress_type != ZIP_STORED for own in arrays.zip.infolist()):
+            raise ValueError(f"expected arrays as they are in {path.name}, found compressed ones")
         return {name: arrays[name] for name in arrays.files}
 
 

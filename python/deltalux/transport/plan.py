@@ -6,7 +6,7 @@ It lies with the transport, which keeps it, and not with its maker: a file opens
 from __future__ import annotations
 
 import json
-import math
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any
@@ -317,7 +317,7 @@ _Shape = tuple[Any, Callable[[Any], bool], str]
 _COUNT: _Shape = (int, lambda value: 0 <= value < 1 << 63, "a count")
 _TEXT: _Shape = (str, lambda value: True, "a text")
 _SHARE: _Shape = ((int, float), lambda value: 0 <= value < 1, "a share")
-_ERROR: _Shape = ((int, float), lambda value: 0 <= value < math.inf, "an error")
+_ERROR: _Shape = ((int, float), lambda value: 0 <= value <= sys.float_info.max, "an error")
 _PART: dict[str, _Shape] = {
     **{name: _TEXT for name in ("name", "make", "columns", "why")},
     **{name: _COUNT for name in ("rows", "column_count", "bands", "channels", "factors")},

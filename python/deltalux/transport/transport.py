@@ -1,4 +1,4 @@
-"""Transport: M of a scene on disk, opened by memory map, with all that makes pictures of its products."""
+"""Transport: M of a scene on disk, the larger by memory map, with all that makes pictures of its products."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from .._core import Transport as CoreTransport
 from ..camera import Camera
 from ..columns.haar import Haar
 from ..mistakes import checked_path, described, instead_of, refuse_kind, refuse_missing
+from ..plain import MOST_TEXT, read_plain
 from ..progress import Progress
 from ..surface.surface import Surface
 from .aov import aov
@@ -77,7 +78,7 @@ class Transport(Matrix):
 
     @staticmethod
     def open(path: str | os.PathLike[str]) -> Transport:
-        """Opens a transport directory by memory map, after checking every file in it.
+        """Opens a transport directory, a large one by memory map, after checking every file in it.
 
         Parameters
         ----------
@@ -669,7 +670,7 @@ class Transport(Matrix):
 
 def _content(path: Path) -> str:
     """What tells one transport from another: its manifest, which knows the checksums of all other files."""
-    return hashlib.blake2b((path / _MANIFEST).read_bytes(), digest_size=16).hexdigest()
+    return hashlib.blake2b(read_plain(path / _MANIFEST, MOST_TEXT), digest_size=16).hexdigest()
 
 
 def _reopened(path: str, content: str) -> Transport:

@@ -126,6 +126,7 @@ class Approximation:
         """
         V, given = _coefficients(target, len(self._core)), None
         if self.method.is_own:
+            V = V.copy()  # Looked at twice: what another thread writes meanwhile is in neither look or in both.
             state = State(V, self.values, np.asarray(self.columns.bands), self._areas, self._weights)
             given = asked(self.method, state)
         columns, changes, resets = self._core.step(V, given)

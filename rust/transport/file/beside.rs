@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::transport::slab::Slab;
 
 use super::manifest::FileEntry;
-use super::shard::{Shard, Tensor};
+use super::shard::{Directory, Shard, Tensor};
 
 /// The file of the scene: its surfaces and their materials.
 pub const SCENE: &str = "scene.safetensors";
@@ -66,7 +66,7 @@ impl Beside {
     }
 
     /// Opens a file of the manifest; None where it is none that is known here.
-    pub(super) fn read(directory: &std::path::Path, entry: &FileEntry) -> Result<Option<Beside>> {
+    pub(super) fn read(directory: Directory, entry: &FileEntry) -> Result<Option<Beside>> {
         let Some(file) = FILES.into_iter().find(|file| *file == entry.name) else { return Ok(None) };
         let shard = Shard::open(directory, entry)?;
         let array = |(name, dtype, shape): (String, Dtype, Vec<usize>)| {

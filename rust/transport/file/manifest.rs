@@ -6,6 +6,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
+use xxhash_rust::xxh3::xxh3_64;
 
 use crate::basis::ColumnSpace;
 use crate::error::{Error, Result};
@@ -14,17 +15,18 @@ use crate::transport::entry::{Channels, GROUP, MAX_TILE_ROWS, Width, check_quant
 /// The word by which a manifest is known.
 pub const FORMAT: &str = "deltalux.transport";
 /// The major version is refused where it is unknown; a minor one only adds keys or files that older readers may ignore.
+/// That which is written is the one that `sealed_from` says.
 pub const MAJOR: u32 = 2;
 /// The first version: one matrix of pixels, whose part has no name. It is read for good.
 pub const FIRST: u32 = 1;
-/// The minor version that is written.
-pub const MINOR: u32 = 1;
 /// The major version of files whose texel columns are made of lobes, which readers of `MAJOR` would take for cosines: all
 /// else in them is as there.
 pub const LOBED: u32 = 3;
 /// The major version of files in which weights of nodes may be negative, whose nodes readers of `MAJOR` would refuse: all else
 /// in them is as there.
 pub const SIGNED: u32 = 4;
+/// The key of a manifest's own digest.
+const SEAL: &[u8] = b"\"digest\"";
 /// The file that is written last and read first.
 pub const MANIFEST: &str = "manifest.json";
 /// The file of what each row is.
@@ -102,6 +104,13 @@ pub struct ReceiversEntry {
     /// Opaque here: an object that Python writes and reads.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera: Option<Box<RawValue>>,
+}
+
+/// What a camera says of its picture.
+#[derive(Deserialize)]
+struct Size {
+    width: usize,
+    height: usize,
 }
 
 /// All that a transport says of itself. Keys that are unknown here are ignored.
@@ -196,6 +205,52 @@ impl PartEntry {
     }
 }
 
+/// The minor version from which on a manifest of a major one ends in its own digest.
+pub const fn sealed_from(major: u32) -> u32 {
+    match major {
+        FIRST => u32::MAX,
+        MAJOR => 2,
+        _ => 1,
+    }
+}
+
+/// The last key of a manifest: XXH3 of all that stands before it.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Seal {
+    digest: String,
+}
+
+/// The text of a manifest with its digest.
+pub fn sealed(manifest: &Manifest) -> Result<Vec<u8>> {
+    let mut text = serde_json::to_vec_pretty(manifest).map_err(|error| Error::input(error.to_string()))?;
+    let end = text.iter().rposition(|&byte| byte == b'}').map_or(0, |at| text[..at].trim_ascii_end().len());
+    text.truncate(end);
+    text.extend_from_slice(b",\n  ");
+    let digest = format!("{:016x}", xxh3_64(&text));
+    text.extend_from_slice(format!("\"digest\": \"{digest}\"\n}}").as_bytes());
+    Ok(text)
+}
+
+/// Refuses a manifest that is not what was written, or has lost its digest.
+pub(super) fn check_seal(text: &[u8], version: [u32; 2]) -> std::result::Result<(), String> {
+    let at = text.windows(SEAL.len()).rposition(|window| window == SEAL);
+    // In files before the digest another object may have a key of this name.
+    let seal = at.and_then(|at| Some((at, serde_json::from_slice::<Seal>(&[b"{", &text[at..]].concat()).ok()?)));
+    match seal {
+        Some((at, seal)) => {
+            let found = format!("{:016x}", xxh3_64(&text[..at]));
+            if found == seal.digest {
+                Ok(())
+            } else {
+                Err(format!("altered or damaged: digest {found}, expected {}", seal.digest))
+            }
+        }
+        None if version[1] < sealed_from(version[0]) => Ok(()),
+        None => Err("altered or damaged: expected the manifest's digest as its last key".to_owned()),
+    }
+}
+
 /// Whether a part may be called so.
 pub fn is_part_name(name: &str) -> bool {
     let letter = |c: u8| c.is_ascii_lowercase() || c.is_ascii_digit() || c == b'_';
@@ -254,7 +309,17 @@ impl Manifest {
     }
 
     fn check_receivers(&self) -> Result<()> {
-        let ReceiversEntry { kind, image, .. } = &self.receivers;
+        let ReceiversEntry { kind, image, camera } = &self.receivers;
+        if let (Some(image), Some(camera)) = (image, camera)
+            && let Ok(Size { width, height }) = serde_json::from_str(camera.get())
+        {
+            expect(*image == [height, width], || {
+                format!(
+                    "expected an image of the camera's {width} x {height} pixels, found {} x {}",
+                    image[1], image[0]
+                )
+            })?;
+        }
         match (kind.as_str(), image) {
             ("pixels", Some([height, width])) => {
                 let pixels = (*height as u64).checked_mul(*width as u64);
@@ -328,8 +393,12 @@ pub fn shard_name(part: &str, shard: usize) -> String {
     }
 }
 
-/// Reads a file that must not be larger than `limit`, whatever it claims.
+/// Reads a plain file that must not be larger than `limit`, whatever it claims: a pipe would be waited for.
 pub fn read_small(path: &Path, limit: u64) -> Result<Vec<u8>> {
+    let seen = std::fs::metadata(path).map_err(|source| Error::os(path, source))?;
+    if !seen.is_file() {
+        return Err(Error::file(path, "expected a plain file, found a directory, a pipe or a device"));
+    }
     let file = std::fs::File::open(path).map_err(|source| Error::os(path, source))?;
     let mut bytes = Vec::new();
     file.take(limit + 1).read_to_end(&mut bytes).map_err(|source| Error::os(path, source))?;

@@ -2,22 +2,26 @@
 //!
 //! Order of the checks: the manifest alone; each file's kind, size and checksum; its header; types and shapes; then the
 //! contents, so that afterwards no index, shift or norm can be out of range. Nothing is allocated by a size that a file
-//! claims: sizes are those of files that exist, and the arrays stay where they are mapped.
+//! claims: sizes are those of files that exist, and the arrays stay where the file is.
 
+use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
 use rayon::prelude::*;
 
+use crate::basis::Bands;
 use crate::error::{Error, Result};
 
 use super::beside::Beside;
 use super::link;
 use super::manifest::{FileEntry, MANIFEST, Manifest, PartEntry};
 use super::receivers;
-use super::shard::Shard;
+use super::shard::{Directory, Shard};
 use super::versions::read_manifest;
-use crate::transport::entry::{Channels, GROUP, MAX_TILE_ROWS, Width, group_of, max_step, shift_of};
+use crate::transport::entry::{
+    Channels, GROUP, MAX_TILE_ROWS, Width, bf16, group_of, max_step, power_of_two, shift_of,
+};
 use crate::transport::lobes::{Lobes, MakeModels};
 use crate::transport::matrix::TransportMatrix;
 use crate::transport::product::Product;
@@ -49,11 +53,12 @@ pub struct Opened {
     pub beside: Vec<Beside>,
 }
 
-/// Opens a directory by memory map. Every file is read once for its checksum, in parallel. `models` makes the models that
+/// Opens a directory: what is large by memory map. Every file is read once for its checksum, in parallel. `models` makes the models that
 /// texel columns are made of, where they are lobes.
-pub fn open(directory: &Path, models: &MakeModels) -> Result<Opened> {
-    let manifest = read_manifest(directory)?;
-    let manifest_error = |error: Error| Error::file(&directory.join(MANIFEST), error.to_string());
+pub fn open(path: &Path, models: &MakeModels) -> Result<Opened> {
+    let manifest = read_manifest(path)?;
+    let manifest_error = |error: Error| Error::file(&path.join(MANIFEST), error.to_string());
+    let directory = Directory::new(path, manifest.files.iter().chain(&manifest.beside));
     let (of_parts, others) = manifest.files_by_kind();
 
     // Texel columns take their cosines from the normals of the receivers, or their lobes.
@@ -113,7 +118,7 @@ fn check_texels(manifest: &Manifest) -> Result<()> {
 }
 
 fn read_shard(
-    directory: &Path,
+    directory: Directory,
     entry: &FileEntry,
     part: &PartEntry,
     shard: usize,
@@ -200,12 +205,12 @@ fn read_tile(file: &Shard, name: &str, rows: usize, part: &PartEntry, width: Wid
         dropped: file.slab(&format!("{name}.dropped"), &norms)?,
         sight: None,
     };
-    check_tile(&tile, part.quantum, width).map_err(|what| file.error(format!("tile {name:?}: {what}")))?;
+    check_tile(&tile, &bands, part.quantum, width).map_err(|what| file.error(format!("tile {name:?}: {what}")))?;
     Ok(tile)
 }
 
 /// Whether a tile keeps every promise that its readers rely on.
-pub fn check_tile(tile: &Tile, quantum: i32, width: Width) -> std::result::Result<(), String> {
+pub fn check_tile(tile: &Tile, bands: &Bands, quantum: i32, width: Width) -> std::result::Result<(), String> {
     check_starts(&tile.starts, tile.words.len())?;
     check_words(tile, max_step(width) - quantum)?;
 
@@ -226,7 +231,54 @@ pub fn check_tile(tile: &Tile, quantum: i32, width: Width) -> std::result::Resul
             return Err(format!("expected finite {what} norms >= 0, found the bits {bits:#06x}"));
         }
     }
+    check_kept(tile, bands, quantum)
+}
+
+/// Bounds stand on the norms of what is stored: none may be below its entries'. Those of texel columns, which have none,
+/// are believed.
+fn check_kept(tile: &Tile, bands: &Bands, quantum: i32) -> std::result::Result<(), String> {
+    let channels = tile.channels.count();
+    let unit = 2f64.powi(2 * quantum);
+    let mut squares = vec![[0f64; GROUP]; tile.groups() * channels];
+    for band in 0..bands.count() {
+        squares.fill([0.0; GROUP]);
+        for column in bands.range(band) {
+            let entries = tile.entries(column);
+            match &tile.values {
+                Values::I8(values) => add_squares(tile, entries, values, &mut squares),
+                Values::I16(values) => add_squares(tile, entries, values, &mut squares),
+            }
+        }
+        for row in 0..tile.rows {
+            for channel in 0..channels {
+                let stated = f64::from(bf16(tile.kept[(row * bands.count() + band) * channels + channel]));
+                let found = squares[row / GROUP * channels + channel][row % GROUP] * unit;
+                if found > stated * stated {
+                    let found = found.sqrt();
+                    return Err(format!(
+                        "expected {found:e} or more kept of row {row} in band {band}, found {stated:e}"
+                    ));
+                }
+            }
+        }
+    }
     Ok(())
+}
+
+/// Adds the squares of entries, in units of the quantum, to those of their groups: `[group][channel][lane]`.
+fn add_squares<T: Copy + Into<i32>>(tile: &Tile, entries: Range<usize>, values: &[T], squares: &mut [[f64; GROUP]]) {
+    let channels = tile.channels.count();
+    let (lanes, _) = values.as_chunks::<GROUP>();
+    for entry in entries {
+        let (group, step) = (group_of(tile.words[entry]), f64::from(power_of_two(shift_of(tile.words[entry]))));
+        for channel in 0..channels {
+            let sums = &mut squares[group * channels + channel];
+            for (sum, &value) in sums.iter_mut().zip(&lanes[entry * channels + channel]) {
+                let value: i32 = value.into();
+                *sum += f64::from(value * value) * (step * step);
+            }
+        }
+    }
 }
 
 fn check_starts(starts: &[u32], entries: usize) -> std::result::Result<(), String> {

@@ -1,11 +1,11 @@
-//! One safetensors file: written beside and renamed, opened by memory map with every range checked.
+//! One safetensors file: written beside and renamed, opened by memory map or copied, with every range checked.
 
 use std::fs::{self, File};
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, Read, Write};
 use std::path::Path;
 use std::sync::Arc;
 
-use memmap2::Mmap;
+use memmap2::{Mmap, MmapMut};
 use safetensors::tensor::{Metadata, TensorInfo};
 use safetensors::{Dtype, SafeTensors};
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
@@ -129,7 +129,26 @@ pub fn sync_directory(directory: &Path) -> std::io::Result<()> {
     if cfg!(unix) { File::open(directory)?.sync_all() } else { Ok(()) }
 }
 
-/// A mapped and verified safetensors file.
+/// Transports of at most so many bytes are read into memory, which costs 90 ms more than a map: whoever writes into their
+/// files later changes nothing. (Measured: 401 MB in 0.36 s of a processor, mapped in 0.10, checksums included.)
+const READ_MOST: u64 = 128 << 20;
+
+/// Where the files of a transport lie, and how they come into memory.
+#[derive(Clone, Copy)]
+pub struct Directory<'a> {
+    path: &'a Path,
+    mapped: bool,
+}
+
+impl<'a> Directory<'a> {
+    /// Of all these files.
+    pub fn new<'b>(path: &'a Path, entries: impl IntoIterator<Item = &'b FileEntry>) -> Self {
+        let bytes = entries.into_iter().fold(0u64, |sum, entry| sum.saturating_add(entry.bytes));
+        Directory { path, mapped: bytes > READ_MOST }
+    }
+}
+
+/// A verified safetensors file, read or mapped.
 pub struct Shard {
     map: Arc<Mmap>,
     metadata: Metadata,
@@ -139,10 +158,10 @@ pub struct Shard {
 }
 
 impl Shard {
-    /// Maps a file and checks, in this order: that it is a plain file of the stated size, its checksum, its header.
-    pub fn open(directory: &Path, entry: &FileEntry) -> Result<Shard> {
-        let path = directory.join(&entry.name);
-        let map = map_file(&path, entry)?;
+    /// Opens a file and checks, in this order: that it is a plain file of the stated size, its checksum, its header.
+    pub fn open(directory: Directory, entry: &FileEntry) -> Result<Shard> {
+        let path = directory.path.join(&entry.name);
+        let map = if directory.mapped { map_file(&path, entry)? } else { read_file(&path, entry)? };
         let found = format!("{:016x}", xxh3_64(&map));
         if found != entry.xxh3 {
             return Err(Error::file(&path, format!("altered or damaged: checksum {found}, expected {}", entry.xxh3)));
@@ -211,8 +230,8 @@ impl Shard {
     }
 }
 
-/// Maps a file that must be a plain one of the stated size: no link leads out of the directory.
-fn map_file(path: &Path, entry: &FileEntry) -> Result<Mmap> {
+/// Opens a file that must be a plain one of the stated size: no link leads out of the directory.
+fn open_file(path: &Path, entry: &FileEntry) -> Result<File> {
     let seen = fs::symlink_metadata(path).map_err(|source| match source.kind() {
         std::io::ErrorKind::NotFound => Error::file(path, "the manifest names this file, but it is missing"),
         _ => Error::os(path, source),
@@ -225,6 +244,22 @@ fn map_file(path: &Path, entry: &FileEntry) -> Result<Mmap> {
     if bytes != entry.bytes {
         return Err(Error::file(path, format!("expected {} bytes, found {bytes}: truncated or altered", entry.bytes)));
     }
+    Ok(file)
+}
+
+/// A copy of a file.
+fn read_file(path: &Path, entry: &FileEntry) -> Result<Mmap> {
+    let mut file = open_file(path, entry)?;
+    let mut read = || {
+        let mut copy = MmapMut::map_anon(entry.bytes as usize)?;
+        file.read_exact(&mut copy)?;
+        copy.make_read_only()
+    };
+    read().map_err(|source| Error::os(path, source))
+}
+
+fn map_file(path: &Path, entry: &FileEntry) -> Result<Mmap> {
+    let file = open_file(path, entry)?;
     // SAFETY: a map is sound while nobody changes the file; files of a transport are replaced by rename, never
     // rewritten.
     unsafe { Mmap::map(&file) }.map_err(|source| Error::os(path, source))

@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 
 use super::manifest::{
     ChainEntry, FIRST, FORMAT, FileEntry, LOBED, MAJOR, MANIFEST, MAX_MANIFEST, Manifest, PartEntry, Preamble,
-    ReceiversEntry, SIGNED, read_small,
+    ReceiversEntry, SIGNED, check_seal, read_small,
 };
 
 /// Reads `manifest.json` of a directory and checks all that can be checked without the other files.
@@ -22,6 +22,7 @@ pub fn read_manifest(directory: &Path) -> Result<Manifest> {
         let found = preamble.format;
         return Err(Error::file(&path, format!("expected the format {FORMAT:?}, found {found:?}")));
     }
+    check_seal(&text, preamble.version).map_err(|what| Error::file(&path, what))?;
     let manifest = match preamble.version[0] {
         MAJOR | LOBED | SIGNED => serde_json::from_slice(&text),
         FIRST => serde_json::from_slice::<Version1>(&text).map(Manifest::from),

@@ -18,8 +18,8 @@ use crate::error::{Error, Result};
 use super::beside::{self, Beside};
 use super::link;
 use super::manifest::{
-    AUDIT, FORMAT, FileEntry, LINK, LOBED, MAJOR, MANIFEST, MINOR, Manifest, PartEntry, RECEIVERS, ReceiversEntry,
-    SIGNED, TILES_PER_SHARD, is_part_name, read_small, shard_name,
+    AUDIT, FORMAT, FileEntry, LINK, LOBED, MAJOR, MANIFEST, Manifest, PartEntry, RECEIVERS, ReceiversEntry, SIGNED,
+    TILES_PER_SHARD, is_part_name, read_small, sealed, sealed_from, shard_name,
 };
 use super::open::{self, Audit};
 use super::receivers;
@@ -173,8 +173,7 @@ impl Writer {
         for own in &about.beside {
             manifest.beside.push(write_tensors(&self.partial, own.file, own.tensors())?);
         }
-        let text = serde_json::to_vec_pretty(&manifest).map_err(|error| Error::input(error.to_string()))?;
-        write_file(&self.partial, MANIFEST, std::iter::once(&text[..]))?;
+        write_file(&self.partial, MANIFEST, std::iter::once(&sealed(&manifest)?[..]))?;
 
         // What a reader would refuse is never published; the run stays where it can be resumed.
         let lobes = || table.lobes.as_ref().ok_or_else(|| Error::input("expected rows with lobes"));
@@ -215,20 +214,20 @@ impl Description {
             ReceiverKind::Vertices { .. } | ReceiverKind::Gather { .. } => None,
         };
         let signed = matches!(&self.link, Link::Weights(weights) if weights.any_negative());
-        let version = match (table.lobes.is_some(), signed) {
+        let major = match (table.lobes.is_some(), signed) {
             (true, true) => {
                 return Err(Error::input("expected weights of at least 0 where texel columns are of lobes"));
             }
-            (true, false) => [LOBED, 0],
-            (false, true) => [SIGNED, 0],
-            (false, false) => [MAJOR, MINOR],
+            (true, false) => LOBED,
+            (false, true) => SIGNED,
+            (false, false) => MAJOR,
         };
         let parts: Vec<PartEntry> = self.parts.iter().map(Part::entry).collect();
         parts.iter().try_for_each(PartEntry::check)?;
         let names: Vec<String> = parts.iter().map(|part| part.name.clone()).collect();
         Ok(Manifest {
             format: FORMAT.to_owned(),
-            version,
+            version: [major, sealed_from(major)],
             parts,
             chain: link::entry(&names, self.first, &self.link),
             tiles_per_shard: TILES_PER_SHARD,

@@ -120,6 +120,18 @@ pub fn largest_of_all(all: impl Iterator<Item = ([f64; 3], f64)>) -> [f64; 3] {
     })
 }
 
+/// A picture beyond what an f32 holds is infinite there, and no bound is true of it but an infinite one.
+pub fn with_overflow(bound: [f64; 3], shown: &[f32]) -> [f64; 3] {
+    // Rounding alone is this share of the largest value: below it nobody needs to look.
+    if bound.iter().all(|&bound| bound < ROUNDING * f64::from(f32::MAX)) {
+        return bound;
+    }
+    std::array::from_fn(|c| {
+        let finite = shown.iter().skip(c).step_by(3).all(|value| value.is_finite());
+        if finite { bound[c] } else { f64::INFINITY }
+    })
+}
+
 /// The bound of every row, but for the rounding of what is shown.
 pub fn bound_rows(matrix: &TransportMatrix, Measured { remaining, light, .. }: &Measured) -> Vec<[f64; 3]> {
     let (bands, channels) = (matrix.bands.count(), matrix.channels.count());
