@@ -60,7 +60,7 @@ impl NodeFactors {
             let (expected, got) = (self.0.rows(), light.len());
             return Err(Error::input(format!("expected the light of {expected} nodes, got that of {got}")).into());
         }
-        table(py, compute(py, || Ok(self.0.passed(light)))?)
+        table(py, compute(py, || Ok(self.0.passed(&light)))?)
     }
 }
 
@@ -117,7 +117,7 @@ impl NodeWeights {
         if self.0.node_count() > light.len() {
             return Err(Error::input(format!("expected a light for every node's rows, got {}", light.len())).into());
         }
-        table(py, compute(py, || Ok(self.0.taken(light)))?)
+        table(py, compute(py, || Ok(self.0.taken(&light)))?)
     }
 }
 

@@ -15,6 +15,8 @@ from deltalux.images.attributes import ATTRIBUTES
 from deltalux.images.channels import choose
 from deltalux.images.colour import from_chromaticities, to_xyz
 from deltalux.io import load_image, save_image, to_display
+from hypothesis import given
+from hypothesis import strategies as st
 from PIL import Image
 
 # A lat-long picture in which every pixel differs from its mirror images and turns, and one is a lamp.

@@ -20,13 +20,18 @@ from .subject import Layer, Shot, halves
 __all__ = ["Client"]
 
 _AHEAD = 2
+"""Messages that may be unanswered; of a page that is slow to draw one, which is then never late by two."""
 _LAYERS = ("b", "exact", "bound")
 _QUALITIES = ("auto", "lossless", "jpeg")
 _STRIP_ROWS = 32
-_STILL = 0.15
+_STILL = 0.04
 """Seconds without a change after which a picture is sent as it is."""
-_SLOW = 0.08
-"""Seconds for a picture in half floats over a link that gets JPEG instead."""
+_SLOW = 0.045
+"""Seconds for a picture in half floats, from here to the screen, beyond which JPEG is tried instead."""
+_WORTH = {"f16": 1.0, "f32": 2.0, "jpeg": 1.0}
+"""What a picture of numbers at rest tells of one in half floats."""
+_TELLING = {"f16": 1 << 17, "f32": 1 << 18, "jpeg": 0}
+"""Bytes below which a picture is but a strip, or too small to matter."""
 _MAPS_EVERY = 0.1
 _JPEG_QUALITY = 85
 
@@ -52,9 +57,10 @@ class Client:
         self._layers: frozenset[str] = frozenset()
         self._maps, self._quality, self._exposure, self._tone = False, "auto", 0.0, "srgb"
         self._next = 0
-        self._ahead: dict[int, tuple[int, float]] = {}
-        self._rates: deque[float] = deque(maxlen=8)
-        """Bytes a second, as answers tell."""
+        self._ahead: dict[int, tuple[str, float]] = {}
+        numbers, jpegs = deque[float](maxlen=5), deque[float](maxlen=5)
+        self._took = {"f16": numbers, "f32": numbers, "jpeg": jpegs}
+        """Seconds from a picture's leaving until the page had drawn it."""
         self._gone = False
         self._forget()
 
@@ -66,6 +72,12 @@ class Client:
         self._shot_at = self._maps_at = 0.0
         self._beside_of = (0, False)
         self._mesh_sent = False
+
+    @property
+    def ready(self) -> bool:
+        """Whether the page could take another message."""
+        took = [own for own in map(_median, self._took.values()) if own is not None]
+        return len(self._ahead) < (1 if took and min(took) > _SLOW else _AHEAD)
 
     # What comes from other threads.
 
@@ -84,10 +96,9 @@ class Client:
     def acknowledge(self, value: Any) -> None:
         """The page has a message."""
         with self._stage.changed:
-            size, sent = self._ahead.pop(value, (0, 0.0)) if isinstance(value, int) else (0, 0.0)
-            if size > 1 << 14:
-                # A page answers once it has drawn: the fastest of the last answers tells most of the link.
-                self._rates.append(size / max(time.monotonic() - sent, 1e-4))
+            kind, sent = self._ahead.pop(value, ("", 0.0)) if isinstance(value, int) else ("", 0.0)
+            if kind:
+                self._took[kind].append((time.monotonic() - sent) / _WORTH[kind])
             self._stage.changed.notify_all()
 
     def want(self, value: Any) -> None:
@@ -144,14 +155,16 @@ class Client:
                 header, parts = message
                 self._next += 1
                 data = packed({"n": self._next, **header}, parts)
+                kinds = [words["type"] for words, _ in parts if words.get("name") == "a"]
+                whole = header["kind"] == "frame" and len(kinds) == 1 and len(data) > _TELLING[kinds[0]]
                 with stage.changed:
-                    self._ahead[self._next] = (len(data), time.monotonic())
+                    self._ahead[self._next] = (kinds[0] if whole else "", time.monotonic())
                 self._send(data)
 
     def _something(self) -> bool:
         if self._words or self._stage.scene != self._scene:
             return True
-        if len(self._ahead) >= _AHEAD:
+        if not self.ready:
             return False
         shot, off = self._stage.shot, self._stage.off
         return (
@@ -164,7 +177,7 @@ class Client:
         """The most urgent message, or none."""
         stage = self._stage
         with stage.changed:
-            if len(self._ahead) >= _AHEAD:
+            if not self.ready:
                 return None
             if self._answers:
                 return self._answers.popleft()
@@ -207,10 +220,13 @@ class Client:
         stats = {**shot.stats, "number": shot.number, "rate": stage.rate}
         if off is not None:
             stats |= {"error": off.error, "error_b": off.error_b, "age": time.monotonic() - off.at}
-        return {"kind": "frame", "stats": _plain(stats)}, parts
+        # What comes after the picture as it is, about it, leaves it as it is.
+        exact = {"exact": True} if self._exact_shot == shot.number else {}
+        return {"kind": "frame", "stats": _plain(stats), **exact}, parts
 
     def _layer(self, name: str, layer: Layer, half: NDArray[np.float16]) -> list[Part]:
-        slow = len(self._rates) == self._rates.maxlen and half.nbytes > _SLOW * max(self._rates)
+        halves_took, jpegs_took = (_median(self._took[kind]) for kind in ("f16", "jpeg"))
+        slow = halves_took is not None and halves_took > max(_SLOW, jpegs_took or 0.0)
         if name == "a" and layer.ndim == 3 and (self._quality == "jpeg" or (self._quality == "auto" and slow)):
             self._had.pop(name, None)
             height, width, _ = layer.shape
@@ -269,6 +285,11 @@ class Client:
                 words = {"name": "still", "type": "f16", "width": width, "height": height}
                 return {"kind": "still", "camera": camera}, [(words, halves(picture))]
         return None
+
+
+def _median(times: deque[float]) -> float | None:
+    """None of fewer than three."""
+    return sorted(times)[len(times) // 2] if len(times) > 2 else None
 
 
 def _equal(a: NDArray[Any], b: NDArray[Any]) -> bool:

@@ -139,7 +139,7 @@ class Curved(Subject):
         self.editor.set_curve(name, angles, heights)
         curves[name] = {"theta": angles, "values": heights}
 
-    def step(self, layers: Set[str]) -> Shot:
+    def step(self, layers: Set[str], rests: bool) -> Shot:
         with self._lock:
             frame = self.editor.step()
         picture = frame.image

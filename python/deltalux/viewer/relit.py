@@ -100,6 +100,7 @@ class Relit(Subject):
         self._lock = threading.Lock()
         self._asked = _Asked(lights, self.methods.naming(method), None, "env", camera, time.monotonic())
         self._relighters: dict[str, tuple[Method, Relighter]] = {}
+        self._rested = 0.0
 
     # What is set.
 
@@ -199,12 +200,16 @@ class Relit(Subject):
 
     # Frames.
 
-    def step(self, layers: Set[str]) -> Shot:
+    def step(self, layers: Set[str], rests: bool) -> Shot:
         asked = self._asked
         began = time.perf_counter()
         env = asked.lights.environment
-        a, relighter = self._frame("a", asked.a, env)
-        b = None if asked.b is None else self._frame("b", asked.b, env)[0]
+        # Once for each light: suns and lamps in texel columns follow by and by.
+        whole = rests and self._rested != asked.at
+        if whole:
+            self._rested = asked.at
+        a, relighter = self._frame("a", asked.a, env, whole)
+        b = None if asked.b is None else self._frame("b", asked.b, env, whole)[0]
         shown = _Shown(asked, env, a, b, relighter.values)
         found = {"a": self._layer(a.values, shown)}
         if b is not None and "b" in layers:
@@ -218,9 +223,10 @@ class Relit(Subject):
         }
         return Shot(found, stats, a.converged and (b is None or b.converged), shown)
 
-    def _frame(self, slot: str, chosen: Chosen, env: Environment) -> tuple[Frame, Relighter]:
+    def _frame(self, slot: str, chosen: Chosen, env: Environment, whole: bool) -> tuple[Frame, Relighter]:
         known = self._relighters.get(slot)
-        if known is None or known[0] != chosen.method:
+        # A new follower begins with the whole product.
+        if known is None or known[0] != chosen.method or whole:
             known = self._relighters[slot] = (chosen.method, Relighter(self.transport, chosen.method))
         return known[1].step(env), known[1]
 

@@ -6,15 +6,26 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Set
-from typing import Any
+from typing import Any, Protocol
 
 from .subject import Exact, Shot, Subject
 
 __all__ = ["Stage"]
 
 _MOST_A_SECOND = 120.0
+_REST = 0.1
+"""Seconds without a change after which all that is left is sent at once."""
 _EXACT_EVERY = 0.1
 """Seconds between exact products at least; they never take more than a sixth of the time."""
+
+
+class Watcher(Protocol):
+    """Who looks at frames."""
+
+    @property
+    def ready(self) -> bool:
+        """Whether another one could be taken."""
+        ...
 
 
 class Stage:
@@ -35,9 +46,10 @@ class Stage:
         self.shot: Shot | None = None
         self.off: Exact | None = None
         self.ended = False
-        self.seen: dict[object, Set[str]] = {}
+        self.seen: dict[Watcher, Set[str]] = {}
         """What each watcher looks at."""
-        self._waiting, self._steps = True, 0
+        self._called = 0
+        self._waiting, self._steps, self._set = True, 0, time.monotonic()
         self._times: deque[float] = deque(maxlen=60)
         self._problem: Callable[[str], None] = lambda text: None
         self._threads = [threading.Thread(target=own, daemon=True) for own in (self._play, self._compare)]
@@ -68,7 +80,7 @@ class Stage:
             if frozen != self.frozen:
                 self.frozen = frozen
                 taken["frozen"] = frozen
-            self._waiting = True
+            self._waiting, self._set = True, time.monotonic()
             self.changed.notify_all()
         return taken
 
@@ -79,7 +91,7 @@ class Stage:
     def wake(self) -> None:
         """Another frame is due: something was set, or is looked at."""
         with self.changed:
-            self._waiting = True
+            self._waiting, self._set = True, time.monotonic()
             self.changed.notify_all()
 
     def step_once(self) -> None:
@@ -104,8 +116,10 @@ class Stage:
                 return self.shot
             self._waiting = True
             before = self.shot
+            self._called += 1
             self.changed.notify_all()
             found = self.changed.wait_for(lambda: self.ended or self.shot is not before, seconds)
+            self._called -= 1
             if not found or self.shot is None:
                 raise TimeoutError("expected a frame, but the view has ended or is at work on one")
             return self.shot
@@ -119,6 +133,9 @@ class Stage:
     def _due(self) -> bool:
         if self.frozen:
             return self._steps > 0
+        # A frame that nobody can take yet would be stale by then, and keeps a page's own machine busy.
+        if self.seen and not self._called and not any(watcher.ready for watcher in self.seen):
+            return False
         return self._waiting or (self.shot is not None and not self.shot.converged)
 
     def _play(self) -> None:
@@ -131,9 +148,12 @@ class Stage:
                 self._waiting, self._steps = False, max(self._steps - 1, 0)
                 subject, scene = self.subject, self.scene
                 layers = frozenset().union(*self.seen.values())
+                # A light that is watched frame by frame is left to its method.
+                left = self.shot is not None and not self.shot.converged and not self.frozen
+                rests = left and time.monotonic() - self._set > _REST
             began = time.monotonic()
             try:
-                shot = subject.step(layers)
+                shot = subject.step(layers, rests)
             except Exception as error:
                 # What cannot be shown is said once, and waits for something else to be set: the view goes on.
                 self._problem(str(error) or type(error).__name__)

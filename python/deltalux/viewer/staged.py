@@ -197,7 +197,7 @@ class Staged(Subject):
                 changes[name] = found
         return changes
 
-    def step(self, layers: Set[str]) -> Shot:
+    def step(self, layers: Set[str], rests: bool) -> Shot:
         with self._lock:
             frame = self.studio.step()
         picture = frame.image

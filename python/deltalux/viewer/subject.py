@@ -88,8 +88,8 @@ class Subject(ABC):
         """Sets parts of the state, all or none, and gives them back as they are now; ValueError where one is wrong."""
 
     @abstractmethod
-    def step(self, layers: Set[str]) -> Shot:
-        """One frame towards what is set, with what else is looked at."""
+    def step(self, layers: Set[str], rests: bool) -> Shot:
+        """One frame towards what is set, with what else is looked at; all of what is left once nothing moves."""
 
     def exact(self, shot: Shot) -> Exact | None:
         """What the whole product shows for the light of a shot; None where every frame is exact."""
