@@ -150,7 +150,7 @@ fn a_sun_is_one_peak() {
     let turned = map.peaks(64, &quarter, 8)[0];
     assert!((turned.direction[2] + peaks[0].direction[0]).abs() < 1e-12);
     let (mut radiance, mut texels) = (vec![[0.0; 3]; 6 * 64 * 64], vec![[0.0; 3]; 6 * 64 * 64]);
-    map.split(64, &quarter, 2.0, 8, &mut radiance, &mut texels);
+    map.split(64, &quarter, [2.0; 3], 8, &mut radiance, &mut texels);
     let most = radiance.iter().map(|texel| texel[0]).fold(0.0f32, f32::max);
     assert!(most < 9.0, "{most}");
     let areas = _core::basis::cubemap::solid_angles(64);
