@@ -542,7 +542,7 @@ def test_factors_reflect_a_coloured_box(model, by_links, in_all):
     place = sources.kept()[:, :3]
     low, high = place.min(axis=0), place.max(axis=0)
     radiosity = shine((2 * place - low - high) / (high - low).max() + [0, 1, 0])
-    taken = links.taken(np.concatenate([np.zeros_like(radiosity), radiosity]))
+    taken = links.weights.taken(np.concatenate([np.zeros_like(radiosity), radiosity]))
     rows, factors = prepared.rows, prepared.factored[0]
     table = rows.table(prepared.albedo(), np.zeros(len(rows), np.uint16))
 

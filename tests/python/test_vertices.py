@@ -204,7 +204,7 @@ def test_what_is_buried_keeps_its_place_in_the_mesh(tmp_path):
     assert (transport.colours(B) > 0).all()
     with pytest.raises(ValueError, match="exposure"):
         transport.save_colours(tmp_path / "a.ply", B, exposure=2000)
-    with pytest.raises(ValueError, match=r"expected a dl\.Camera"):
+    with pytest.raises(TypeError, match=r"expected a Camera, got 'front'; dl\.Camera"):
         transport.render("front", B)
 
 
