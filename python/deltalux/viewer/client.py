@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,7 @@ _AHEAD = 2
 _LAYERS = ("b", "exact", "bound")
 _QUALITIES = ("auto", "lossless", "jpeg")
 _STRIP_ROWS = 32
-_STILL = 0.04
+_STILL = 0.02
 """Seconds without a change after which a picture is sent as it is."""
 _SLOW = 0.045
 """Seconds for a picture in half floats, from here to the screen, beyond which JPEG is tried instead."""
@@ -33,6 +33,7 @@ _WORTH = {"f16": 1.0, "f32": 2.0, "jpeg": 1.0}
 _TELLING = {"f16": 1 << 17, "f32": 1 << 18, "jpeg": 0}
 """Bytes below which a picture is but a strip, or too small to matter."""
 _MAPS_EVERY = 0.1
+_ASIDE = ("maps", "strip")
 _JPEG_QUALITY = 85
 
 
@@ -58,6 +59,9 @@ class Client:
         self._maps, self._quality, self._exposure, self._tone = False, "auto", 0.0, "srgb"
         self._next = 0
         self._ahead: dict[int, tuple[str, float]] = {}
+        self._asides: deque[tuple[dict[str, Any], list[Part]]] = deque()
+        self._aside: set[int] = set()
+        """Unanswered messages of the light, which keep no picture waiting."""
         numbers, jpegs = deque[float](maxlen=5), deque[float](maxlen=5)
         self._took = {"f16": numbers, "f32": numbers, "jpeg": jpegs}
         """Seconds from a picture's leaving until the page had drawn it."""
@@ -79,6 +83,12 @@ class Client:
         took = [own for own in map(_median, self._took.values()) if own is not None]
         return len(self._ahead) < (1 if took and min(took) > _SLOW else _AHEAD)
 
+    @property
+    def waits(self) -> bool:
+        """Whether another frame would go out at once: one that is made before would be stale by then."""
+        shot = self._stage.shot
+        return self.ready and (shot is None or self._shot >= shot.number)
+
     # What comes from other threads.
 
     def say(self, words: Mapping[str, Any]) -> None:
@@ -96,6 +106,7 @@ class Client:
     def acknowledge(self, value: Any) -> None:
         """The page has a message."""
         with self._stage.changed:
+            self._aside.discard(value)
             kind, sent = self._ahead.pop(value, ("", 0.0)) if isinstance(value, int) else ("", 0.0)
             if kind:
                 self._took[kind].append((time.monotonic() - sent) / _WORTH[kind])
@@ -158,14 +169,18 @@ class Client:
                 kinds = [words["type"] for words, _ in parts if words.get("name") == "a"]
                 whole = header["kind"] == "frame" and len(kinds) == 1 and len(data) > _TELLING[kinds[0]]
                 with stage.changed:
-                    self._ahead[self._next] = (kinds[0] if whole else "", time.monotonic())
+                    if header["kind"] in _ASIDE:
+                        self._aside.add(self._next)
+                    else:
+                        self._ahead[self._next] = (kinds[0] if whole else "", time.monotonic())
+                    stage.changed.notify_all()
                 self._send(data)
 
     def _something(self) -> bool:
         if self._words or self._stage.scene != self._scene:
             return True
         if not self.ready:
-            return False
+            return bool(self._asides)
         shot, off = self._stage.shot, self._stage.off
         return (
             bool(self._answers)
@@ -177,9 +192,9 @@ class Client:
         """The most urgent message, or none."""
         stage = self._stage
         with stage.changed:
-            if not self.ready:
-                return None
-            if self._answers:
+            if self._asides:
+                return self._asides.popleft()
+            if self.ready and self._answers:
                 return self._answers.popleft()
             shot, off, subject = stage.shot, stage.off, stage.subject
         if not self._mesh_sent:
@@ -193,14 +208,12 @@ class Client:
         if shot is None:
             return None
         now = time.monotonic()
-        # Now and then the light comes before the next picture of it.
-        if self._shot and now - self._maps_at > _MAPS_EVERY and self._beside_of != (shot.number, self._maps):
-            self._maps_at, self._beside_of = now, (shot.number, self._maps)
-            beside = self._beside(shot)
-            if beside is not None:
-                return beside
-        if shot.number > self._shot or (off is not None and off.number > self._off):
+        if self.ready and (shot.number > self._shot or (off is not None and off.number > self._off)):
             return self._frame(shot)
+        if not self._aside and now - self._maps_at > _MAPS_EVERY and self._beside_of != (shot.number, self._maps):
+            self._maps_at, self._beside_of = now, (shot.number, self._maps)
+            self._asides.extend(self._beside(shot))
+            return self._asides.popleft() if self._asides else None
         if shot.converged and now - self._shot_at > _STILL and not self._ahead:
             return self._at_rest(shot)
         return None
@@ -258,7 +271,7 @@ class Client:
             parts.append((words, rows))
         return parts
 
-    def _beside(self, shot: Shot) -> tuple[dict[str, Any], list[Part]] | None:
+    def _beside(self, shot: Shot) -> Iterator[tuple[dict[str, Any], list[Part]]]:
         """The light over the cubemap, and as a strip."""
         subject = self._stage.subject
         maps = subject.maps(shot) if self._maps else {}
@@ -266,9 +279,10 @@ class Client:
             parts: list[Part] = [
                 ({"name": name, "type": "f16", "size": own.shape[1]}, halves(own)) for name, own in maps.items()
             ]
-            self.answer({"kind": "maps"}, parts)
+            yield {"kind": "maps"}, parts
         strip = subject.strip()
-        return None if strip is None else ({"kind": "strip"}, [({"name": "strip", "type": "f16"}, halves(strip))])
+        if strip is not None:
+            yield {"kind": "strip"}, [({"name": "strip", "type": "f16"}, halves(strip))]
 
     def _at_rest(self, shot: Shot) -> tuple[dict[str, Any], list[Part]] | None:
         """The picture as it is, once nothing moves."""

@@ -13,7 +13,7 @@ from .subject import Exact, Shot, Subject
 __all__ = ["Stage"]
 
 _MOST_A_SECOND = 120.0
-_REST = 0.1
+_REST = 0.06
 """Seconds without a change after which all that is left is sent at once."""
 _EXACT_EVERY = 0.1
 """Seconds between exact products at least; they never take more than a sixth of the time."""
@@ -23,8 +23,8 @@ class Watcher(Protocol):
     """Who looks at frames."""
 
     @property
-    def ready(self) -> bool:
-        """Whether another one could be taken."""
+    def waits(self) -> bool:
+        """Whether another one would be taken at once."""
         ...
 
 
@@ -134,7 +134,7 @@ class Stage:
         if self.frozen:
             return self._steps > 0
         # A frame that nobody can take yet would be stale by then, and keeps a page's own machine busy.
-        if self.seen and not self._called and not any(watcher.ready for watcher in self.seen):
+        if self.seen and not self._called and not any(watcher.waits for watcher in self.seen):
             return False
         return self._waiting or (self.shot is not None and not self.shot.converged)
 
