@@ -5,6 +5,7 @@ import io
 import json
 import resource
 import socket
+import sys
 import time
 from pathlib import Path
 
@@ -346,6 +347,16 @@ def test_it_listens_on_this_machine_alone(view):
 def test_all_addresses_at_once_are_refused(view, host):
     with pytest.raises(ValueError, match="one address of this machine"):
         dl.View(view._stage.subject, "x", host=host, port=0)
+
+
+def test_without_its_package_a_sentence_says_how_to_get_it(transport, monkeypatch, capsys):
+    from deltalux.command.cli import main
+
+    monkeypatch.setitem(sys.modules, "websockets.sync.server", None)
+    with pytest.raises(ModuleNotFoundError, match=r"deltalux\[view\]"):
+        dl.view(dl.Scene.builtin("plant"), browser=False)
+    assert main(["view", str(transport._path), "--no-browser"]) == 2
+    assert "pip install 'deltalux[view]'" in capsys.readouterr().err
 
 
 def test_the_page_and_nothing_else_is_served(view):

@@ -17,6 +17,7 @@ from ..viewer.export import export
 from ..viewer.handle import View, lights_of, opened, subject_of
 from ..viewer.preview import small
 from ..viewer.requests import read_session, resume
+from ..viewer.server import check_installed
 from .arguments import add_command, add_light, environment_of, read_size, read_view, say, scene_of
 from .own import OWN, read_own
 
@@ -65,6 +66,10 @@ def _view(chosen: argparse.Namespace) -> None:
     if chosen.export is not None:
         say(export(_exported(scene, chosen), Path(chosen.export), lights.sources))
         return
+    try:
+        check_installed()
+    except ModuleNotFoundError as error:
+        raise ValueError(str(error)) from None
     transport = opened(chosen.transport) if scene is None else small(scene, progress=True)
     if (given or own) and not isinstance(transport, Transport):
         raise ValueError("expected --env and --method with a transport whose light moves: here materials and lamps do")

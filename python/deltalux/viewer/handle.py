@@ -32,7 +32,7 @@ from .lights import Group, Lights
 from .preview import Refinement, small
 from .relit import Relit
 from .requests import Requests
-from .server import DEFAULT_PORT, Server
+from .server import DEFAULT_PORT, Server, check_installed
 from .stage import Stage
 from .staged import Staged
 from .subject import Subject
@@ -86,6 +86,7 @@ def view(
     ModuleNotFoundError
         If the package `websockets` is not installed (``pip install 'deltalux[view]'``).
     """
+    check_installed()
     scene = transport if isinstance(transport, Scene) else None
     found = opened(transport) if isinstance(transport, (str, os.PathLike)) else transport
     given = [] if env is None else [env] if isinstance(env, Environment) else list(env)

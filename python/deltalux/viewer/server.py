@@ -22,7 +22,7 @@ from .messages import MOST_BYTES, parsed
 from .requests import Requests
 from .stage import Stage
 
-__all__ = ["DEFAULT_PORT", "Server"]
+__all__ = ["DEFAULT_PORT", "Server", "check_installed"]
 
 DEFAULT_PORT = 8765
 _LOOPBACK = ("127.0.0.1", "localhost", "[::1]")
@@ -43,6 +43,16 @@ _HELLO = 10.0
 _WINDOW, _MOST = 2.0, 800
 """Seconds, and how many messages of one page in them."""
 _WRONG_TOKEN, _TOO_MANY = 4401, 1008
+
+
+def check_installed() -> None:
+    """Refuses to begin where what the server stands on is missing; ModuleNotFoundError says how to get it."""
+    try:
+        import websockets.sync.server  # noqa: F401
+    except ImportError:
+        raise ModuleNotFoundError(
+            "expected the package websockets, which the live view needs: pip install 'deltalux[view]'"
+        ) from None
 
 
 class Server:
@@ -72,12 +82,9 @@ class Server:
     def __init__(
         self, stage: Stage, requests: Requests, welcome: Callable[[], dict[str, Any]], host: str, port: int
     ) -> None:
-        try:
-            from websockets.sync.server import serve
-        except ImportError:
-            raise ModuleNotFoundError(
-                "expected the package websockets, which the live view needs: pip install 'deltalux[view]'"
-            ) from None
+        check_installed()
+        from websockets.sync.server import serve
+
         if host in ("", "0.0.0.0", "::"):
             raise ValueError(f"expected one address of this machine, by which others call it, got {host!r}")
         self._stage, self._requests, self._welcome = stage, requests, welcome
