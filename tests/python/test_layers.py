@@ -94,7 +94,7 @@ PACKAGES = {
     "trimesh": {"scene/files"},
     "matplotlib": {"pages/plotting", "report/gallery"},
     "mapbox_earcut": {"scene/polygons"},
-    "PIL": {"images/colour", "images/jpeg", "images/png", "relight/video", "scene/texture", "report/gallery"},
+    "PIL": {"images/colour", "images/encoded", "relight/video", "scene/texture", "report/gallery"},
     "scipy": {"transport/matrix"},
     "imageio_ffmpeg": {"relight/video"},
     "websockets": {"viewer/server"},

@@ -22,6 +22,15 @@ PEAKS = 128
 """Peaks of a map that are sent through texels, where nothing else is said."""
 
 
+def blocks_under(columns: Haar, chosen: NDArray[np.uint32], band: int) -> NDArray[np.int64]:
+    """Which of the 6 x 4^band blocks of a band of wavelets lie under those of some columns that are in it.
+
+    Band 0 begins with the six scaling functions; then, as in all bands, three wavelets a block, face by face.
+    """
+    own = chosen[columns.bands[chosen] == band].astype(np.int64) - np.searchsorted(columns.bands, band)
+    return np.asarray(np.where(own < 6, own, (own - 6) // 3) if band == 0 else own // 3)
+
+
 @dataclass(frozen=True)
 class Haar:
     """2D Haar wavelets on the six faces of a cubemap, orthonormal on the sphere.

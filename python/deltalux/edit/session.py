@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,9 @@ from ..pages.page import Page, figure, table
 from ..pages.plotting import drawing, logarithmic
 from .editor import BrdfEditor
 
-__all__ = ["Edit", "play", "read_session"]
+__all__ = ["Edit", "play", "read_each", "read_session"]
+
+Item = TypeVar("Item")
 
 _MOST_FRAMES = 200
 _FRAMES, _PAGE, _CURVES, _ERRORS = "frames.csv", "index.html", "curves.png", "errors.png"
@@ -73,11 +75,16 @@ def read_session(path: str | os.PathLike[str]) -> list[Edit]:
     OSError
         If it cannot be read.
     """
+    return read_each(path, "edits", _edit)
+
+
+def read_each(path: str | os.PathLike[str], what: str, one: Callable[[int, Mapping[str, Any]], Item]) -> list[Item]:
+    """What each object of a JSON list says, by `one`; ValueError where the file is something else."""
     try:
         found = json.loads(Path(path).read_text(encoding="utf-8"))
-        return [_edit(number, own) for number, own in enumerate(found)]
+        return [one(number, own) for number, own in enumerate(found)]
     except (ValueError, TypeError, LookupError, RecursionError) as error:
-        raise ValueError(f"{os.fspath(path)}: expected a list of edits: {error}") from None
+        raise ValueError(f"{os.fspath(path)}: expected a list of {what}: {error}") from None
 
 
 def _edit(number: int, own: Mapping[str, Any]) -> Edit:

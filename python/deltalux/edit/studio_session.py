@@ -13,7 +13,6 @@ they were to what they become: of lights where there are as many of the same kin
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields, replace
@@ -27,6 +26,7 @@ from ..light.lamps import AreaLight, Lamp, PointLight, Spot
 from ..output import claim, write_csv
 from ..pages.page import Page, figure, table
 from ..pages.plotting import drawing, logarithmic
+from .session import read_each
 from .studio import Studio, StudioFrame
 
 __all__ = ["Step", "play_studio", "read_studio_session"]
@@ -80,13 +80,10 @@ def read_studio_session(path: str | os.PathLike[str]) -> list[Step]:
     OSError
         If it cannot be read.
     """
-    try:
-        found = json.loads(Path(path).read_text(encoding="utf-8"))
-        steps = [_step(number, own) for number, own in enumerate(found)]
-        if not steps or steps[0].lights is None:
-            raise ValueError("the first one has lights: without them all is black")
-    except (ValueError, TypeError, LookupError, RecursionError) as error:
-        raise ValueError(f"{os.fspath(path)}: expected a list of steps: {error}") from None
+    steps = read_each(path, "steps", _step)
+    if not steps or steps[0].lights is None:
+        what = "the first one has lights: without them all is black"
+        raise ValueError(f"{os.fspath(path)}: expected a list of steps: {what}")
     return steps
 
 

@@ -25,7 +25,7 @@ from .._core import (
     harmonic_coefficients,
 )
 from ..checks import Vector, as_vector, count, one_of, real_array
-from ..images.png import encoded
+from ..images.encoded import encoded
 from ..io import auto_exposure, load_image, to_display
 from ..mistakes import checked_path, described, instead_of, kind_of, near, refuse_kind
 from ..rotation import IDENTITY, Matrix, as_matrix, rotation_matrix, unit_directions
@@ -113,11 +113,7 @@ class Environment:
         return f"Environment({self.name!r})"
 
     def _repr_png_(self) -> bytes:
-        height, width = 128, 256
-        around, down = (np.arange(n) + 0.5 for n in (width, height))
-        phi, theta = 2 * np.pi * around / width, np.pi * down[:, None] / height
-        x, z = np.sin(theta) * np.sin(phi), -np.sin(theta) * np.cos(phi)
-        picture = self.radiance(np.stack([x, np.broadcast_to(np.cos(theta), x.shape), z], axis=-1))
+        picture = self.radiance(layouts.latlong_directions(128, 256))
         return encoded(to_display(picture, auto_exposure(picture)))
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -41,6 +41,14 @@ def face_directions(n: int) -> NDArray[np.float64]:
     return np.asarray(points / np.linalg.norm(points, axis=-1, keepdims=True))
 
 
+def latlong_directions(height: int, width: int) -> NDArray[np.float64]:
+    """Unit directions of the pixel centres of a lat-long picture, row 0 at +Y, its middle column at +Z: (h, w, 3)."""
+    theta = np.pi * (np.arange(height) + 0.5)[:, None] / height
+    phi = 2 * np.pi * (np.arange(width) + 0.5) / width
+    x, z = np.sin(theta) * np.sin(phi), -np.sin(theta) * np.cos(phi)
+    return np.stack([x, np.broadcast_to(np.cos(theta), x.shape), z], axis=-1)
+
+
 # (right, down) of the same faces as an eye at the origin sees them.
 _EYE = np.array(
     [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 from ..camera import Camera
@@ -31,7 +32,7 @@ def for_camera(
     plan = transport.plan
     # A file keeps the name of one material alone.
     names = () if plan.ground is None else ("",) * plan.ground + (GROUND,)
-    scene = Scene(**{**vars(transport.surface), "names": names}, camera=camera, name=plan.scene)
+    scene = replace(Scene.of_surface(transport.surface, camera, plan.scene), names=names)
     gloss = all(left_out.what != GLOSS for left_out in plan.left_out)
     request = Request(str(transport.columns), plan.quality, plan.tolerance, gloss=gloss)
     known = KnownNodes(transport) if transport.nodes else None

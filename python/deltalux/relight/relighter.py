@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._core import Settings, Updater
 from ..camera import Camera
-from ..images.png import encoded
+from ..images.encoded import encoded
 from ..io import auto_exposure, to_display
 from ..light.environment import Environment
 from ..light.skies import BUILTIN

@@ -12,7 +12,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -275,6 +275,23 @@ class Scene(Surface):
         return _assemble(
             vertices, corners, of_triangle, rows[distinct], normals=shading, camera=camera, name=name, looks=looks
         )
+
+    @classmethod
+    def of_surface(cls, surface: Surface, camera: Camera, name: str) -> Scene:
+        """A surface, such as a transport keeps, seen by a camera.
+
+        Parameters
+        ----------
+        surface : Surface
+        camera : Camera
+        name : str
+
+        Returns
+        -------
+        Scene
+            Of the same arrays.
+        """
+        return cls(**{own.name: getattr(surface, own.name) for own in fields(Surface)}, camera=camera, name=name)
 
     def with_camera(self, camera: Camera) -> Scene:
         """The same scene seen by another camera.

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import one_of
-from ..images.jpeg import encoded_jpeg
+from ..images.encoded import encoded
 from ..io import TONES, to_display
 from .messages import Part, checked_keys, number, packed, text
 from .stage import Stage
@@ -235,7 +235,7 @@ class Client:
             stats |= {"error": off.error, "error_b": off.error_b, "age": time.monotonic() - off.at}
         # What comes after the picture as it is, about it, leaves it as it is.
         exact = {"exact": True} if self._exact_shot == shot.number else {}
-        return {"kind": "frame", "stats": _plain(stats), **exact}, parts
+        return {"kind": "frame", "stats": stats, **exact}, parts
 
     def _layer(self, name: str, layer: Layer, half: NDArray[np.float16]) -> list[Part]:
         halves_took, jpegs_took = (_median(self._took[kind]) for kind in ("f16", "jpeg"))
@@ -244,7 +244,7 @@ class Client:
             self._had.pop(name, None)
             height, width, _ = layer.shape
             words = {"name": name, "type": "jpeg", "width": width, "height": height, "y": 0, "rows": height}
-            return [(words, encoded_jpeg(to_display(layer, self._exposure, self._tone), _JPEG_QUALITY))]
+            return [(words, encoded(to_display(layer, self._exposure, self._tone), "jpeg", quality=_JPEG_QUALITY))]
         return self._strips(name, half)
 
     def _strips(self, name: str, layer: NDArray[Any]) -> list[Part]:
@@ -312,12 +312,3 @@ def _equal(a: NDArray[Any], b: NDArray[Any]) -> bool:
         return False
     bits = f"u{a.dtype.itemsize}"
     return np.array_equal(a.view(bits), b.view(bits))
-
-
-def _plain(value: Any) -> Any:
-    """Numbers as JSON has them: what is infinite is null."""
-    if isinstance(value, dict):
-        return {key: _plain(own) for key, own in value.items()}
-    if isinstance(value, float):
-        return float(value) if np.isfinite(value) else None
-    return value

@@ -6,7 +6,7 @@ import base64
 import json
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,6 @@ from ..precomputation.run import precompute
 from ..progress import Progress
 from ..relight.errors import relative_errors
 from ..scene.scene import Scene
-from ..surface.surface import Surface
 from ..transport.transport import Transport
 from .preview import resized
 
@@ -96,7 +95,7 @@ def export(
     bounces: int | str = 0
     if isinstance(scene, Transport):
         bounces = "all" if scene.bounces < 0 else scene.bounces
-        scene = scene_of(scene.surface, scene)
+        scene = Scene.of_surface(scene.surface, scene.camera, scene.plan.scene)
     seen = scene.with_camera(resized(scene.camera, _LONGER))
     with tempfile.TemporaryDirectory(prefix="deltalux-export-") as place:
         path = Path(place) / "page.transport"
@@ -111,12 +110,6 @@ def export(
     for name, content in files.items():
         (target / name).write_bytes(content)
     return Exported(target / "index.html", nbytes, entries, errors)
-
-
-def scene_of(surface: Surface, transport: Transport) -> Scene:
-    """The scene that a transport keeps, seen by its camera."""
-    own = {field.name: getattr(surface, field.name) for field in fields(Surface)}
-    return Scene(**own, camera=transport.camera, name=transport.plan.scene)
 
 
 def _data(

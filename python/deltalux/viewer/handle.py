@@ -11,12 +11,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from .._core import __version__
-from ..images.png import encoded
+from ..images.encoded import encoded
 from ..io import auto_exposure, to_display, write
 from ..light.environment import Environment
+from ..light.layouts import latlong_directions
 from ..light.skies import BUILTIN
 from ..mistakes import instead_of
 from ..relight.relighter import Frame
@@ -330,10 +329,6 @@ class View:
 
 def _thumb(env: Environment) -> str:
     """A small picture of an environment, as an address."""
-    height, width = _THUMB
-    theta = np.pi * (np.arange(height) + 0.5)[:, None] / height
-    phi = 2 * np.pi * (np.arange(width) + 0.5) / width
-    x, z = np.sin(theta) * np.sin(phi), -np.sin(theta) * np.cos(phi)
-    picture = env.radiance(np.stack([x, np.broadcast_to(np.cos(theta), x.shape), z], axis=-1))
+    picture = env.radiance(latlong_directions(*_THUMB))
     data = encoded(to_display(picture, auto_exposure(picture)))
     return "data:image/png;base64," + base64.b64encode(data).decode()

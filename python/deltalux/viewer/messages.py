@@ -30,13 +30,13 @@ def packed(header: Mapping[str, Any], parts: Sequence[Part]) -> bytes:
         described.append({**words, "offset": offset, "bytes": len(payload)})
         # Typed arrays of the page begin where their elements may.
         offset += len(payload) + -len(payload) % 8
-    head = json.dumps({**header, "parts": described}, separators=(",", ":"), allow_nan=False).encode()
+    head = text({**header, "parts": described}).encode()
     padded = [payload + bytes(-len(payload) % 8) for payload in payloads]
     return b"".join([len(head).to_bytes(4, "little"), head, bytes(-(4 + len(head)) % 8), *padded])
 
 
 def text(words: Mapping[str, Any]) -> str:
-    """A message in words; what is no finite number is null."""
+    """Words as JSON; what is no finite number is null."""
     return json.dumps(_finite(words), separators=(",", ":"), allow_nan=False)
 
 

@@ -12,7 +12,7 @@ import sys
 import tempfile
 import threading
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -143,12 +143,11 @@ def _refine(folder: Path) -> None:
     settings = json.loads((folder / _SETTINGS).read_text(encoding="utf-8"))
     with np.load(folder / _ARRAYS, allow_pickle=False) as arrays:
         surface = Surface.restored({name: arrays[name] for name in arrays.files})
-    own = {field.name: getattr(surface, field.name) for field in fields(Surface)}
     for number, step in enumerate(settings["steps"]):
         camera = Camera(**step["camera"])
         what = f"refining, {camera.width} x {camera.height}"
         say = _throttled(what, len(settings["steps"]), number)
-        scene = Scene(**own, camera=camera, name=settings["name"])
+        scene = Scene.of_surface(surface, camera, settings["name"])
         precompute(scene, step["path"], columns=Haar(step["columns"]), progress=say)
         print(json.dumps({"made": step["path"]}), flush=True)
 

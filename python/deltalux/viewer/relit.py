@@ -18,6 +18,7 @@ from ..columns.haar import Haar
 from ..columns.harmonics import SphericalHarmonics
 from ..io import auto_exposure
 from ..light.environment import Environment
+from ..light.layouts import latlong_directions
 from ..relight.errors import relative_errors
 from ..relight.relighter import Frame, Relighter
 from ..transport.transport import Transport
@@ -27,7 +28,7 @@ from .messages import checked_keys, number, vector
 from .methods import Chosen, Methods
 from .subject import Exact, Layer, Shot, Subject
 from .wavelets import squares
-from .words import light_in_python, method_in_python, render_command
+from .words import light_in_python, render_command
 
 __all__ = ["Relit"]
 
@@ -37,8 +38,6 @@ _SQUARES = 300
 _STRIP = (64, 128)
 _LEAST = 512
 """Pixels along the longer edge of a picture of vertices."""
-_LATE = 1.0
-"""A frame is late when it took more than this of its budget in time."""
 
 
 @dataclass(frozen=True)
@@ -242,7 +241,7 @@ class Relit(Subject):
             "columns": len(frame.columns),
             "resets": list(frame.resets),
             "converged": frame.converged,
-            "late": budget is not None and 1e3 * frame.seconds > _LATE * budget,
+            "late": budget is not None and 1e3 * frame.seconds > budget,
             "pending": bound.pending,
             "truncation": bound.truncation,
             "relative_pending": relative.pending,
@@ -295,7 +294,7 @@ class Relit(Subject):
         }
 
     def strip(self) -> Layer | None:
-        return self._asked.lights.environment.radiance(_lat_long())
+        return self._asked.lights.environment.radiance(latlong_directions(*_STRIP))
 
     def mesh(self) -> Mapping[str, NDArray[Any]] | None:
         if self.kind != "vertices":
@@ -354,7 +353,7 @@ class Relit(Subject):
                 "",
                 f"transport = dl.Transport({self.name!r})",
                 *light_in_python(asked.lights),
-                f"frame = dl.Relighter(transport, {method_in_python(asked.a.method)}).step(light)",
+                f"frame = dl.Relighter(transport, dl.{asked.a.method!r}).step(light)",
                 f"dl.write('view.png', {seen}, exposure={view['exposure']:.3f}, tone={view['tone']!r})",
                 "",
             ]
@@ -394,12 +393,3 @@ def camera_of(before: Camera, value: Any) -> Camera:
 
 def _even() -> Environment:
     return Environment.from_latlong(np.full((2, 4, 3), _GREY, np.float32))
-
-
-def _lat_long() -> NDArray[np.float64]:
-    """Directions of the strip's pixels: u = atan2(x, -z) / 2 pi, v = acos(y) / pi."""
-    height, width = _STRIP
-    theta = np.pi * (np.arange(height) + 0.5)[:, None] / height
-    phi = 2 * np.pi * (np.arange(width) + 0.5) / width
-    x, z = np.sin(theta) * np.sin(phi), -np.sin(theta) * np.cos(phi)
-    return np.stack([x, np.broadcast_to(np.cos(theta), x.shape), z], axis=-1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..columns.haar import Haar
+from ..columns.haar import Haar, blocks_under
 
 __all__ = ["squares"]
 
@@ -15,12 +15,10 @@ def squares(columns: Haar, sent: NDArray[np.uint32], most: int) -> list[list[int
     size, bands = columns.size, columns.bands
     found: list[NDArray[np.int64]] = []
     for band in np.unique(bands[sent]):
-        own = sent[bands[sent] == band].astype(np.int64) - np.searchsorted(bands, band)
         if columns.texels and band == bands[-1]:
-            side, blocks = size, own
+            side, blocks = size, sent[sent >= columns.wavelets].astype(np.int64) - columns.wavelets
         else:
-            # Band 0 begins with the six scaling functions; then, as in all bands, three wavelets a block, face by face.
-            side, blocks = 2 ** int(band), np.where(own < 6, own, (own - 6) // 3) if band == 0 else own // 3
+            side, blocks = 2 ** int(band), blocks_under(columns, sent, band)
         blocks = np.unique(blocks)
         face, place = blocks // side**2, blocks % side**2
         edge = np.full_like(face, size // side)

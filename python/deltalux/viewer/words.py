@@ -8,10 +8,9 @@ from typing import Any
 
 from ..camera import Camera
 from ..light.skies import BUILTIN
-from ..update.methods import Method
 from .lights import Dab, Group, Lights
 
-__all__ = ["light_in_python", "method_in_python", "render_command"]
+__all__ = ["light_in_python", "render_command"]
 
 
 def light_in_python(lights: Lights) -> list[str]:
@@ -55,11 +54,6 @@ def _factors(group: Group) -> str:
     if factors == (1.0, 1.0, 1.0):
         return ""
     return f" * {factors[0]!r}" if len(set(factors)) == 1 else f" * {factors!r}"
-
-
-def method_in_python(method: Method) -> str:
-    """A method as it is made."""
-    return f"dl.{method!r}"
 
 
 def render_command(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...columns import Haar
+from ...columns.haar import blocks_under
 from ...light.motion import Motion
 from ...pages.plotting import FAMILIES
 from ...pages.verdict import Verdict
@@ -37,10 +38,7 @@ def covered_levels(columns: Haar, chosen: NDArray[np.uint32]) -> NDArray[np.int6
     levels = np.zeros((6, size, size), np.int64)
     for band in np.unique(bands[chosen]):
         covered = np.zeros((6, 2**band, 2**band), bool)
-        own = chosen[bands[chosen] == band].astype(np.int64) - np.searchsorted(bands, band)
-        # Band 0 begins with the six scaling functions; then, as in all bands, three wavelets a block, face by face.
-        blocks = np.where(own < 6, own, (own - 6) // 3) if band == 0 else own // 3
-        covered.reshape(-1)[blocks] = True
+        covered.reshape(-1)[blocks_under(columns, chosen, band)] = True
         times = size // 2**band
         levels += covered.repeat(times, axis=1).repeat(times, axis=2)
     return levels
