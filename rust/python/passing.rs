@@ -5,7 +5,7 @@ use std::sync::Arc;
 use numpy::{PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 
-use crate::error::Error;
+use crate::error::{Error, Result};
 use crate::precompute::links::Counts;
 use crate::transport::Weights;
 
@@ -14,6 +14,26 @@ use super::compute;
 
 /// Starts of rows, and a node and a number each.
 type Arrays = (Py<PyArray1<u32>>, Py<PyArray1<u32>>, Py<PyArray1<u16>>);
+
+fn copied(py: Python<'_>, starts: &[u32], nodes: &[u32], numbers: &[u16]) -> Arrays {
+    (
+        PyArray1::from_slice(py, starts).unbind(),
+        PyArray1::from_slice(py, nodes).unbind(),
+        PyArray1::from_slice(py, numbers).unbind(),
+    )
+}
+
+/// Weights by which receivers take from nodes, as their arrays have them.
+pub(super) fn weights_of(
+    starts: &PyReadonlyArray1<'_, u32>,
+    nodes: &PyReadonlyArray1<'_, u32>,
+    weights: &PyReadonlyArray1<'_, u16>,
+    exponent: i32,
+    node_count: usize,
+) -> Result<Arc<Weights>> {
+    let [starts, nodes] = [starts, nodes].map(|numbers| to_vec(numbers).into());
+    Ok(Arc::new(Weights::new(starts, nodes, to_vec(weights).into(), exponent, node_count)?))
+}
 
 /// How light passes between nodes.
 #[pyclass(frozen, module = "deltalux._core")]
@@ -35,11 +55,7 @@ impl NodeFactors {
     /// starts (nodes + 1,) and nodes (n,) uint32, counts of rays (n,) uint16.
     fn arrays(&self, py: Python<'_>) -> Arrays {
         let Counts { starts, nodes, counts, .. } = &self.0;
-        (
-            PyArray1::from_slice(py, starts).unbind(),
-            PyArray1::from_slice(py, nodes).unbind(),
-            PyArray1::from_slice(py, counts).unbind(),
-        )
+        copied(py, starts, nodes, counts)
     }
 
     /// Rays of each node.
@@ -79,19 +95,13 @@ impl NodeWeights {
         exponent: i32,
         node_count: usize,
     ) -> PyResult<Self> {
-        let weights =
-            Weights::new(to_vec(&starts).into(), to_vec(&nodes).into(), to_vec(&weights).into(), exponent, node_count)?;
-        Ok(NodeWeights(Arc::new(weights)))
+        Ok(NodeWeights(weights_of(&starts, &nodes, &weights, exponent, node_count)?))
     }
 
     /// starts (rows + 1,) and nodes (n,) uint32, weights (n,) uint16.
     fn arrays(&self, py: Python<'_>) -> Arrays {
         let (starts, nodes, weights) = self.0.arrays();
-        (
-            PyArray1::from_slice(py, starts).unbind(),
-            PyArray1::from_slice(py, nodes).unbind(),
-            PyArray1::from_slice(py, weights).unbind(),
-        )
+        copied(py, starts, nodes, weights)
     }
 
     /// What a unit of a weight is a power of two of.

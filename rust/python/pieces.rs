@@ -8,9 +8,10 @@ use pyo3::prelude::*;
 use crate::basis::HaarTree;
 use crate::transport::entry::entry_bytes;
 use crate::transport::file::manifest::TILES_PER_SHARD;
-use crate::transport::{self as core, Channels, GROUP, RowNorms, Tile, Weights, bf16_up};
+use crate::transport::{self as core, Channels, GROUP, RowNorms, Tile, bf16_up};
 
 use super::arrays::to_vec;
+use super::passing::weights_of;
 
 /// One tile of M: what a pass returns and `TransportWriter.write_shard` takes.
 #[pyclass(frozen, module = "deltalux._core")]
@@ -54,9 +55,7 @@ impl Link {
         exponent: i32,
         node_count: usize,
     ) -> PyResult<Self> {
-        let weights =
-            Weights::new(to_vec(&starts).into(), to_vec(&nodes).into(), to_vec(&weights).into(), exponent, node_count)?;
-        Ok(Link(core::Link::Weights(Arc::new(weights))))
+        Ok(Link(core::Link::Weights(weights_of(&starts, &nodes, &weights, exponent, node_count)?)))
     }
 
     /// Haar wavelets over a tree of samples with these areas, (samples,) float64.
