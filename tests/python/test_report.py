@@ -104,6 +104,16 @@ def test_methods_are_ordered_and_summaries_are_means_of_frames(demo):
     assert float(by_name["NWA-300"]["image_l2_mean"]) < float(by_name["NWA-10"]["image_l2_mean"])
 
 
+def test_the_page_begins_with_the_light_under_which_methods_differ_most(demo):
+    rows = rows_of(demo / "methods.csv")
+    means = {(row["environment"], row["method"]): float(row["image_l2_mean"]) for row in rows}
+    spans = {}
+    for env in dict.fromkeys(row["environment"] for row in rows):
+        errors = [means[env, method] for method in ("NWA-30", "BI-30", "PBI-30")]
+        spans[env] = max(errors) - min(errors)
+    assert len(spans) == 2 and list(spans.values()) == sorted(spans.values(), reverse=True)
+
+
 def test_bytes_fall_and_errors_rise_with_truncation(demo):
     rows = rows_of(demo / "bytes.csv")
     curve, own = rows[:-1], rows[-1]

@@ -13,6 +13,7 @@ from ..edit.studio import Studio
 from ..edit.studio_session import play_studio, read_studio_session
 from ..output import check_folder
 from ..precomputation.curves import precompute_curves
+from ..progress import reporter, steps
 from ..transport.curves import CurveTransport
 from ..transport.studio import FOLDER as STUDIO
 from ..transport.studio import StudioTransport
@@ -52,12 +53,13 @@ def _run(chosen: argparse.Namespace) -> None:
     elif chosen.session is None or chosen.env is not None or chosen.size is not None:
         raise ValueError(f"expected --session FILE, and --env and --size with {_DEMO} only")
     elif (Path(chosen.transport) / STUDIO.manifest).exists():
-        steps = read_studio_session(chosen.session)
+        session = read_studio_session(chosen.session)
         studio = Studio(StudioTransport.open(chosen.transport), None if chosen.terms is None else method)
-        page = play_studio(studio, steps, folder, "A session in a studio")
+        page = play_studio(studio, session, folder, "A session in a studio", reporter(True, "edit"))
     else:
-        session = read_session(chosen.session)
-        page = play(BrdfEditor(CurveTransport.open(chosen.transport), method), session, folder, "A session of edits")
+        edits_asked = read_session(chosen.session)
+        editor = BrdfEditor(CurveTransport.open(chosen.transport), method)
+        page = play(editor, edits_asked, folder, "A session of edits", reporter(True, "edit"))
     say(f"{page.parent.absolute()} holds the session; open {page.absolute()} in a browser")
 
 
@@ -66,9 +68,10 @@ def _demo(chosen: argparse.Namespace, folder: Path, method: Incremental) -> Path
     session = edits() if chosen.session is None else read_session(chosen.session)
     env = environment_of(chosen.env or _LIGHT, chosen)
     folder.mkdir(parents=True, exist_ok=True)
-    transport = precompute_curves(
-        jewels(chosen.size or _SIZE), folder / "jewels.curves", env=env, materials=MATERIALS, fresnel=FRESNEL
-    )
+    step_of = steps(True, "edit", 2)
+    scene, path, tell = jewels(chosen.size or _SIZE), folder / "jewels.curves", step_of("curves")
+    transport = precompute_curves(scene, path, env=env, materials=MATERIALS, fresnel=FRESNEL, progress=tell)
+    tell.clear()
     for part in transport.parts.values():
         say(part)
-    return play(BrdfEditor(transport, method), session, folder, "Editing pearl earrings")
+    return play(BrdfEditor(transport, method), session, folder, "Editing pearl earrings", step_of("session"))

@@ -11,6 +11,7 @@ from ..precomputation.preparation import COLUMNS, Request
 from ..precomputation.quality import QUALITIES
 from ..precomputation.room import check_folder_of
 from ..precomputation.run import Precomputation
+from ..progress import reporter
 from ..scene.builtin.catalogue import SCENES
 from ..transport.transport import Transport
 from .arguments import add_command, read_bounces, read_nodes, read_size, read_view, say, scene_of
@@ -98,12 +99,16 @@ def _precompute(chosen: argparse.Namespace) -> None:
         bounces,
         refine=chosen.refine,
     )
-    request = Precomputation(scene, asked)
+    tell = reporter(True, scene.name)
+    request = Precomputation(scene, asked, progress=tell)
     made = None if chosen.again or chosen.plan or chosen.output is None else request.made(chosen.output)
     if made is not None:
+        tell.clear()
         say(f"{made}\n{chosen.output} is there already, of this scene and these settings; --again computes it anew")
         return
-    say(request.plan)
+    plan = request.plan
+    tell.clear()
+    say(plan)
     if chosen.output is not None and not chosen.plan:
         say(request.run(chosen.output, again=True))
         say(f"{chosen.output} is ready")

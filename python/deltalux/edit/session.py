@@ -16,6 +16,7 @@ from ..io import auto_exposure, save_image, to_display
 from ..output import claim, write_csv
 from ..pages.page import Page, figure, table
 from ..pages.plotting import drawing, logarithmic
+from ..progress import SILENT, Reporter
 from .editor import BrdfEditor
 
 __all__ = ["Edit", "play", "read_each", "read_session"]
@@ -95,7 +96,13 @@ def _edit(number: int, own: Mapping[str, Any]) -> Edit:
     return Edit(str(own.get("title", f"edit {number + 1}")), str(own["material"]), own.get("set"), curve)
 
 
-def play(editor: BrdfEditor, edits: Sequence[Edit], folder: str | os.PathLike[str], title: str) -> Path:
+def play(
+    editor: BrdfEditor,
+    edits: Sequence[Edit],
+    folder: str | os.PathLike[str],
+    title: str,
+    tell: Reporter = SILENT,
+) -> Path:
     """Plays edits, and leaves pictures, curves, errors and a page.
 
     Parameters
@@ -108,6 +115,8 @@ def play(editor: BrdfEditor, edits: Sequence[Edit], folder: str | os.PathLike[st
         Made where there is none; only files of ours are overwritten.
     title
         Of the page.
+    tell
+        Is told of each edit.
 
     Returns
     -------
@@ -126,6 +135,7 @@ def play(editor: BrdfEditor, edits: Sequence[Edit], folder: str | os.PathLike[st
     path = claim(folder, [_PAGE, _FRAMES, _CURVES, _ERRORS, *pictures])
     exposure, rows, drawn, summary = 0.0, [], [], []
     for number, edit in enumerate(edits):
+        tell.begin(edit.title)
         edit.apply(editor)
         frames = [editor.step()]
         while not frames[-1].converged and len(frames) < _MOST_FRAMES:
@@ -161,6 +171,7 @@ def play(editor: BrdfEditor, edits: Sequence[Edit], folder: str | os.PathLike[st
                 f"{100 * frames[-1].residual:.2f} %",
             ]
         )
+        tell(number + 1, len(edits))
     write_csv(path / _FRAMES, rows)
     _draw(path, drawn)
     (path / _PAGE).write_text(str(_page(editor, title, edits, pictures, summary)), encoding="utf-8")

@@ -26,6 +26,7 @@ from ..light.lamps import AreaLight, Lamp, PointLight, Spot
 from ..output import claim, write_csv
 from ..pages.page import Page, figure, table
 from ..pages.plotting import drawing, logarithmic
+from ..progress import SILENT, Reporter
 from .session import read_each
 from .studio import Studio, StudioFrame
 
@@ -107,7 +108,13 @@ def _lamp(number: int, own: Mapping[str, Any]) -> Lamp:
     return _KINDS[kind](**given)
 
 
-def play_studio(studio: Studio, steps: Sequence[Step], folder: str | os.PathLike[str], title: str) -> Path:
+def play_studio(
+    studio: Studio,
+    steps: Sequence[Step],
+    folder: str | os.PathLike[str],
+    title: str,
+    tell: Reporter = SILENT,
+) -> Path:
     """Plays steps, and leaves pictures, times and a page.
 
     Parameters
@@ -120,6 +127,8 @@ def play_studio(studio: Studio, steps: Sequence[Step], folder: str | os.PathLike
         Made where there is none; only files of ours are overwritten.
     title
         Of the page.
+    tell
+        Is told of each step.
 
     Returns
     -------
@@ -140,6 +149,7 @@ def play_studio(studio: Studio, steps: Sequence[Step], folder: str | os.PathLike
     rows: list[dict[str, Any]] = []
     summary: list[list[str]] = []
     for number, step in enumerate(steps):
+        tell.begin(step.title)
         frames = list(_played(studio, step, lights))
         lights = lights if step.lights is None else step.lights
         picture = frames[-1].image
@@ -157,6 +167,7 @@ def play_studio(studio: Studio, steps: Sequence[Step], folder: str | os.PathLike
                 f"{100 * frames[-1].residual:.2f} %",
             ]
         )
+        tell(number + 1, len(steps))
     write_csv(path / _FRAMES, rows)
     with drawing(path / _TIMES, 1, 1, (9.0, 4.2)) as (_, axes):
         axes.plot([row["milliseconds"] for row in rows], label="all")

@@ -98,7 +98,7 @@ def precompute_curves(
         If the disk refuses; what was finished is kept for the next run.
     """
     asked = _Asked(quality, tolerance, fresnel)
-    return _Curves(scene, env, materials, asked).run(Path(path), progress)
+    return _Curves(scene, env, materials, asked, progress).run(Path(path))
 
 
 def light_digest(env: Environment) -> str:
@@ -150,7 +150,7 @@ def made_again(transport: CurveTransport, scene: Scene, env: Environment) -> Cur
     prepared = ("fixed", "dielectric", "metal")
     fresnel = {part.name: part.kind if part.kind in prepared else "auto" for part in transport.parts.values()}
     asked = _Asked(first.plan.quality, first.plan.tolerance, fresnel)
-    return _Curves(scene, env, materials, asked).run(transport.path, True)
+    return _Curves(scene, env, materials, asked, True).run(transport.path)
 
 
 @dataclass(frozen=True)
@@ -179,7 +179,12 @@ class _Curves:
     """One request: materials checked and their rows found, then the run."""
 
     def __init__(
-        self, scene: Scene, env: Environment, materials: Mapping[str, Model | Measured], asked: _Asked
+        self,
+        scene: Scene,
+        env: Environment,
+        materials: Mapping[str, Model | Measured],
+        asked: _Asked,
+        progress: bool | Progress,
     ) -> None:
         if not isinstance(env, Environment):
             raise ValueError(f"expected the light as a dl.Environment, got {env!r}")
@@ -192,19 +197,21 @@ class _Curves:
             raise ValueError(f"expected fresnel of {', '.join(materials)}, got {', '.join(asked.fresnel)}")
         kinds = {name: asked.kind(name, _checked(model)) for name, model in materials.items()}
         self.env, self.scene, self.materials, self.asked = env, scene, dict(materials), asked
+        self.progress, self.tell = progress, reporter(progress, f"curves of {scene.name}")
         self.light = light_digest(env)
         plain = scene
         for name, number in numbers.items():
             albedo = (0.0, 0.0, 0.0) if isinstance(materials[name], Measured) else scene.materials[number].albedo
             plain = plain.with_material(number, Material(albedo))
         # What is not edited is made as light is: diffuse rows, and lobes of the other materials.
-        self.prepared = Prepared(plain, Request(_COLUMNS, asked.quality, asked.tolerance))
+        self.prepared = Prepared(plain, Request(_COLUMNS, asked.quality, asked.tolerance), step=self.tell.begin)
         self.settings = self.prepared.settings
         seen = self.prepared.core.receivers(self.prepared.camera, edges=self.settings.edges)
         self.rows = {name: self._rows(number, seen) for name, number in numbers.items()}
         unseen = [name for name, rows in self.rows.items() if len(rows) == 0]
         if unseen:
             raise ValueError(f"expected materials that the camera sees, but no pixel shows {', '.join(unseen)}")
+        self.tell.begin("reflectances")
         given = {name: scene.materials[number] for name, number in numbers.items()}
         self.edited = [edited(name, model, _specular(given[name]), kinds[name]) for name, model in materials.items()]
 
@@ -213,27 +220,29 @@ class _Curves:
         own = [place == number for place in range(len(self.scene.albedo))]
         return seen.glossy(self.scene.material[seen.triangle], own, [[] for _ in own], self.scene.camera.position)
 
-    def run(self, path: Path, progress: bool | Progress) -> CurveTransport:
+    def run(self, path: Path) -> CurveTransport:
         """Part after part, then the picture of all else, and last what says that all is there."""
         started = time.perf_counter()
         check_folder_of(path)
         job = self._job()
         claim(path, "a transport of curves", job)
         total = self.prepared.count + sum(map(len, self.rows.values()))
-        tell, done = reporter(progress, f"curves of {self.scene.name}"), 0
+        tell, done = self.tell, 0
         light = [self.env.cubemap(CURVE_FACE * finer) for finer in _FINER]
         for number, own in enumerate(self.edited):
+            tell.step(own.name)
             if not (path / f"part-{number}").exists():
                 self._part(path / f"part-{number}", own, light, tell.after(done, total))
             done += len(self.rows[own.name])
+        tell.step("all else")
         base = self._base(tell.after(done, total))
         self._finish(path, base, time.perf_counter() - started)
         tell(total, total)
-        return replace(CurveTransport.open(path), _again=partial(self._again, path, progress))
+        return replace(CurveTransport.open(path), _again=partial(self._again, path))
 
-    def _again(self, path: Path, progress: bool | Progress, env: Environment) -> CurveTransport:
+    def _again(self, path: Path, env: Environment) -> CurveTransport:
         """The same under another light."""
-        return _Curves(self.scene, env, self.materials, self.asked).run(path, progress)
+        return _Curves(self.scene, env, self.materials, self.asked, self.progress).run(path)
 
     def _job(self) -> str:
         """What a run is known by."""

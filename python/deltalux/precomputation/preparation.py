@@ -16,6 +16,7 @@ from ..checks import count
 from ..columns import Columns, Haar
 from ..columns.parse import checked
 from ..mistakes import near
+from ..progress import SILENT
 from ..scene.scene import Scene
 from ..surface.material import Lobe, encoded
 from .between import Between, KnownNodes, Nodes, PlacedNodes
@@ -104,11 +105,19 @@ class Prepared:
         What is asked of it.
     known
         Nodes of the same scene that are there already, whatever the request says of light between surfaces.
+    step
+        Is told by name of each thing that takes time.
     """
 
     clock: Callable[[], float] = staticmethod(time.perf_counter)
 
-    def __init__(self, scene: Scene, request: Request, known: KnownNodes | None = None) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        request: Request,
+        known: KnownNodes | None = None,
+        step: Callable[[str], None] = SILENT.begin,
+    ) -> None:
         columns = request.columns
         self.columns = checked(columns)
         self.quality, self.settings = request.quality, _settings(request.quality, request.tolerance)
@@ -116,6 +125,7 @@ class Prepared:
         _check_materials(scene)
         self.own_triangles = len(scene.triangles)
         if request.refine is not None:
+            step("refining")
             scene = refined(scene, float(request.refine), request.normals)
         self.scene, self.request = scene, request
         self.glossy = request.gloss and bool(scene.models)
@@ -133,6 +143,7 @@ class Prepared:
                 )
         if self.texels_left_out:
             self.columns = Haar(self.columns.face)
+        step("receivers")
         self.core = scene.traced(scene.camera.position)
         self.factored: dict[int, Factored] = {}
         self.turns: np.ndarray | None = None
@@ -143,6 +154,7 @@ class Prepared:
             raise ValueError(f"the camera sees nothing of {scene.name}: no pixel shows a surface")
         self.between: Nodes | None = known
         if known is None and request.between is not None:
+            step("places of nodes")
             self.between = PlacedNodes(
                 self.core, scene, self.rows, self.camera, self.settings, self.columns, request.between
             )
@@ -150,6 +162,7 @@ class Prepared:
         if scene.emission is not None:
             self.emitters = Emitters(self.core, np.ascontiguousarray(scene.emission[scene.material]))
         # Drawn here, once: no clock that times a survey is to time this.
+        step("lights to survey under")
         self.lights = lights(self.columns)
         self.direct = DirectPass(self.core, self.rows, columns=str(self.columns), edge_side=self.settings.edge_side)
 

@@ -17,7 +17,7 @@ from .._core import Links, TileData, TransportWriter, __version__
 from .._core import Nodes as CoreNodes
 from ..columns import Columns, parse
 from ..mistakes import checked_path, instead_of
-from ..progress import Progress, Reporter, reporter
+from ..progress import Progress, Reporter, reporter, steps
 from ..scene.scene import Scene
 from ..transport.entry import TILE_ROWS, TILES_PER_SHARD
 from ..transport.plan import Part, Plan, Solve
@@ -163,7 +163,7 @@ def precompute(
     asked = between(bounces, residual, nodes)
     request = Request(columns, quality, tolerance, receivers, normals, asked, gloss, factors, refine)
     check_folder_of(Path(path))
-    return Precomputation(scene, request).run(path, progress, again)
+    return Precomputation(scene, request, progress=progress).run(path, again)
 
 
 class Precomputation:
@@ -177,16 +177,22 @@ class Precomputation:
         What is asked of it.
     known
         Nodes of the same scene that are solved already.
+    progress
+        As for `precompute`, from the first look at the scene to the end of the run.
     """
 
-    def __init__(self, scene: Scene, request: Request, known: KnownNodes | None = None) -> None:
+    def __init__(
+        self, scene: Scene, request: Request, known: KnownNodes | None = None, progress: bool | Progress = False
+    ) -> None:
         if not isinstance(scene, Scene):
             raise instead_of("Scene", scene)
-        self._prepared, self._known = Prepared(scene, request, known), known is not None
+        self._tell = reporter(progress, scene.name)
+        self._prepared, self._known = Prepared(scene, request, known, self._tell.begin), known is not None
 
     @cached_property
     def plan(self) -> Plan:
         """What will be computed: see `plan`."""
+        self._tell.begin("a probe")
         return make_plan(self._prepared)
 
     @cached_property
@@ -223,12 +229,12 @@ class Precomputation:
             return transport if self._digest and transport.plan.job == self._digest else None
         return None
 
-    def run(self, path: str | os.PathLike[str], progress: bool | Progress = True, again: bool = False) -> Transport:
+    def run(self, path: str | os.PathLike[str], again: bool = False) -> Transport:
         """Computes every part of the plan, and opens the result.
 
         Parameters
         ----------
-        path, progress, again
+        path, again
             As for `precompute`.
 
         Returns
@@ -244,27 +250,34 @@ class Precomputation:
             return found
         check_room(self.plan, Path(path))
         writer = TransportWriter(path, self._job)
-        run = _Run(self._prepared, writer, reporter(progress, self._prepared.scene.name, self.plan.seconds))
+        run = _Run(self._prepared, writer, self._tell, self.plan)
         for part in self.plan.parts:
-            run.tell.step(part.name)
+            run.begin(part)
             _PASSES[part.make](run, part)
         run.finish(replace(self.plan, job=self._digest))
         transport = Transport.open(path)
-        run.tell.say(run.summary())
+        self._tell.say(run.summary())
         return transport
 
 
 class _Run:
     """The passes of one precomputation, and what they leave for the end."""
 
-    def __init__(self, prepared: Prepared, writer: TransportWriter, tell: Reporter) -> None:
-        self.prepared, self.writer, self.tell = prepared, writer, tell
+    def __init__(self, prepared: Prepared, writer: TransportWriter, whole: Reporter, plan: Plan) -> None:
+        self.prepared, self.writer, self.whole = prepared, writer, whole
+        self.lengths = {part.name: part.cost.seconds if part.cost else 0.0 for part in plan.parts}
+        self.step_of = steps(whole, prepared.scene.name, list(self.lengths.values()))
+        whole.expect(plan.seconds)
         self.started, self.rays = prepared.clock(), 0
         self.parts: list[tuple[str, str, int, int, int, str, int]] = []
         self.links: Links | None = None
         self.beside: dict[str, dict[str, np.ndarray]] = {}
         self.solve: Solve | None = None
         self.notes: list[str] = []
+
+    def begin(self, part: Part) -> None:
+        """The next part of the plan."""
+        self.tell = self.step_of(part.name)
 
     def direct(self, part: Part) -> None:
         """Looks at some bundles, then traces tile after tile; shards that are there already are not traced again."""
@@ -276,7 +289,7 @@ class _Run:
         self.rays += survey.looked.first_rays + survey.looked.edge_rays
         if part.cost is not None:
             cost = renewed(self.prepared, part.cost, survey, self.prepared.clock() - self.started, looked)
-            self.tell.expect(cost.seconds)
+            self.whole.expect(cost.seconds + sum(self.lengths.values()) - self.lengths[part.name])
             self.tell.say(f"{self.prepared.scene.name}: {cost}, {said(survey, self.prepared)}")
         threshold = survey.looked.threshold
         self.survey = survey

@@ -129,7 +129,7 @@ def precompute_studio(
     if isinstance(nodes, str) and nodes != "auto":
         raise ValueError(f'expected nodes to be "auto" or the most there may be, got {nodes!r}')
     cap = MOST_NODES if isinstance(nodes, str) else count("nodes", nodes)
-    return _Studio(scene, dict(families), gather, bounces, cap, (quality, float(allowed))).run(Path(path), progress)
+    return _Studio(scene, dict(families), gather, bounces, cap, (quality, float(allowed)), progress).run(Path(path))
 
 
 class _Work(NamedTuple):
@@ -148,7 +148,14 @@ class _Studio:
     """One request: materials checked, then the run."""
 
     def __init__(
-        self, scene: Scene, families: dict[str, Family], gather: int, bounces: int, cap: int, quality: tuple[str, float]
+        self,
+        scene: Scene,
+        families: dict[str, Family],
+        gather: int,
+        bounces: int,
+        cap: int,
+        quality: tuple[str, float],
+        progress: bool | Progress,
     ) -> None:
         check_request(scene)
         for name, family in families.items():
@@ -170,6 +177,8 @@ class _Studio:
         self.quality, self.tolerance = quality
         if any(cutout is not None for cutout in scene.cutouts):
             raise ValueError("expected a scene whose surfaces are whole: lamps at run time see no holes in them")
+        self.tell = reporter(progress, f"studio of {scene.name}")
+        self.tell.begin("receivers")
         self.core, self.camera = scene.traced(scene.camera.position), scene.camera.rays()
         self.rows = self._shaded(self.core.receivers(self.camera, edges=QUALITIES[self.quality].edges))
         self.material = scene.material[self.rows.triangle]
@@ -187,13 +196,13 @@ class _Studio:
         normals = self.scene.shading_normals(rows.triangle, rows.barycentric, rows.normal, self.scene.camera)
         return rows if normals is None else rows.shaded(normals, None)
 
-    def run(self, path: Path, progress: bool | Progress) -> StudioTransport:
+    def run(self, path: Path) -> StudioTransport:
         """Part after part, and last what says that all is there."""
         started = time.perf_counter()
         check_folder_of(path)
         claim(path, "a studio", self._job())
-        tell = reporter(progress, f"studio of {self.scene.name}")
-        tell(0, 1)
+        tell = self.tell
+        tell.begin("gather samples")
         glossy = np.isin(self.scene.material, list(self.numbers.values()))
         self.samples = GatherSamples.place(self.core, self.camera, glossy, self.gather)
         self.cells = LitPoints.of_cells(self.core, self.samples, EACH)
@@ -206,11 +215,13 @@ class _Studio:
         total, done = sum(len(work.table) for work in works), 0
         if self.cap:
             # Of nodes there are a few thousand, whatever the rows.
+            tell.step("nodes")
             done = 2 * len(self.rows)
             total += done
             self._nodes(path, tell.after(0, total))
         thresholds: dict[str, float] = {}
         for work in works:
+            tell.step(work.name)
             thresholds[work.name] = self._part(path, work, tell.after(done, total))
             done += len(work.table)
         self._finish(path, thresholds, time.perf_counter() - started)

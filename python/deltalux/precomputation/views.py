@@ -36,4 +36,4 @@ def for_camera(
     gloss = all(left_out.what != GLOSS for left_out in plan.left_out)
     request = Request(str(transport.columns), plan.quality, plan.tolerance, gloss=gloss)
     known = KnownNodes(transport) if transport.nodes else None
-    return Precomputation(scene, request, known).run(path, progress)
+    return Precomputation(scene, request, known, progress).run(path)

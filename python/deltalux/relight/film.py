@@ -128,12 +128,15 @@ def relight_frames(
     ValueError, OSError
         If an argument cannot be used or the folder not be written.
     """
+    tell = reporter(progress, "relight")
     relighter, backdrop = Relighter(transport, method), Backdrop(transport, background, catcher=catcher)
     plain = background == "env" and not catcher
     path = claim(folder, _names(film.frames, kind))
     if exposure is None:
+        tell.begin("exposure")
         exposure = backdrop.exposure(transport.multiply(transport.coefficients(film.key)), film.key)
-    tell, seconds, table = reporter(progress, "relight"), [], Table(path / _TABLE)
+    seconds, table = [], Table(path / _TABLE)
+    tell.step("frames")
     with _Encoder(exposure, half, tone) as encoder:
         for k, env in enumerate(film.lights):
             frame = relighter.step(env)

@@ -120,10 +120,13 @@ def _point(point: Point) -> dict[str, Any]:
 
 
 def _spread(chapter: Chapter, motion: Motion) -> float:
-    """How much methods of one budget differ under a light: the largest mean error of the picture over the least."""
+    """How much methods of one budget differ under a light: the largest mean error of the picture less the least.
+
+    Their ratio would prefer a light that all of them follow too closely to be told apart by eye.
+    """
     turning = slice(1, motion.stop + 1)
     means = [chapter[1].column(row.name, "image_l2")[turning].mean() for row in (NWA_30, BI_30, PBI_30)]
-    return float(max(means) / max(min(means), 1e-12))
+    return float(max(means) - min(means))
 
 
 def _opening(page: Page, transport: Transport, motion: Motion, chapters: Sequence[Chapter]) -> None:
