@@ -1,7 +1,8 @@
 """A picture under light that turns, beside a path tracer's: `python benches/peers_pictures.py`.
 
 The plant, direct light of the hall. A reference of many samples a pixel is Mitsuba's own; against it
-stand a whole product and frames of PBI-30 of a transport, the same light in 25 harmonics, as transfer in harmonics of
+stand a whole product and frames of PBI-30 of a transport, the mean of four pixels of one twice as large (a
+transport looks through the middle of a pixel alone), the same light in 25 harmonics, as transfer in harmonics of
 fifth order would show it (Sloan et al. 2002), and Mitsuba with more and more samples. Errors are root mean
 squares over the picture of a reference's root mean square; what the reference itself is off by is estimated from its
 two halves, and taken out of all of them. Times are of all threads together (CPU), which other work on the machine
@@ -127,6 +128,11 @@ def main() -> None:
         print(f"deltalux: {transport}, made in {watch}")
         B = transport.multiply(transport.coefficients(env))
         print(f"  whole product: {100 * off(transport.image(B), truth, noise):.2f} % off")
+        finer = scene.with_camera(scene.camera.resized(2 * asked.size, 2 * asked.size))
+        twice = dl.precompute(finer, Path(folder) / "finer.transport")
+        fine = twice.image(twice.multiply(twice.coefficients(env)))
+        mean = fine.reshape(asked.size, 2, asked.size, 2, 3).mean(axis=(1, 3))
+        print(f"  made twice as large, and the mean of four pixels: {100 * off(mean, truth, noise):.2f} % off")
         smooth = transport.image(transport.multiply(transport.coefficients(smoothed(env))))
         print(f"  in 25 harmonics: {100 * off(smooth, truth, noise):.2f} % off")
         relighter = dl.Relighter(transport, dl.PerBand(terms=30))

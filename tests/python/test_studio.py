@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 import warnings
+from dataclasses import replace
 
 import deltalux as dl
 import numpy as np
@@ -54,6 +55,13 @@ def coarse(tmp_path_factory):
     return dl.precompute_studio(
         box(), path, families=families(), gather=GATHER, bounces=3, nodes=NODES, tolerance=0.03, progress=False
     )
+
+
+@pytest.fixture(scope="module")
+def checked_floor():
+    """A picture of many colours for the floor, and one of as many shares."""
+    rng = np.random.default_rng(7)
+    return rng.uniform(0.1, 0.6, (8, 8, 3)).astype(np.float32), rng.uniform(0.0, 0.4, (4, 4)).astype(np.float32)
 
 
 @pytest.fixture(scope="module")
@@ -495,3 +503,71 @@ def test_lamps_move_and_families_are_edited(coarse):
         own.still()
         own.send(save={"kind": "python"})
         assert "dl.AreaLight(" in own.read(lambda header: "text" in header)[0]["text"]["text"]
+
+
+@pytest.mark.parametrize("nodes", [0, NODES])
+def test_a_picture_laid_over_a_material_is_the_texture_that_the_scene_might_have_had(tmp_path, nodes, checked_floor):
+    scene, picture = box(), checked_floor[0]
+    floor = scene.numbered("floor")
+    textures = tuple(picture if number == floor else None for number in range(len(scene.albedo)))
+    albedo = scene.albedo.copy()
+    albedo[floor] = 1.0
+    asked = {"families": families(), "gather": GATHER, "bounces": 2, "nodes": nodes, "quality": "lossless"}
+    textured = replace(scene, textures=textures, albedo=albedo)
+    plain, wanted = (
+        dl.precompute_studio(own, tmp_path / name, progress=False, **asked)
+        for name, own in (("plain", scene), ("textured", textured))
+    )
+    for of in ("view", "nodes" if nodes else "samples"):
+        colours, material = wanted.surfaces(of)
+        off = np.abs(plain.coordinates.colours(picture, of) - colours)[material == floor].max(axis=1)
+        # A cell at a border holds places of another material, which a texture of the scene knows and a look does not.
+        assert (off < 1e-6).mean() > (0.5 if of == "samples" else 0.999)
+    pictures = (lit(plain, LAMP, gamma=GAMMA, colour=picture), lit(wanted, LAMP, gamma=GAMMA))
+    found, expected = (studio.step().values for studio in pictures)
+    assert np.abs(found - expected).mean() < 0.006 * expected.mean()
+
+
+def test_pictures_are_swapped_and_swapped_back(coarse, checked_floor):
+    colour, shine = checked_floor
+    studio = lit(coarse, LAMP, gamma=GAMMA, k_s=0.3)
+    first = studio.step().values
+    studio.set("floor", colour=colour, k_s=shine, k_d=np.full((2, 2), 0.7))
+    other = studio.step()
+    assert np.abs(other.values - first).max() > 0.01 and other.converged
+    # What is the same everywhere is a number.
+    studio.set("floor", colour=np.full((3, 3, 3), 0.4), k_s=np.full((2, 5), 0.3), k_d=np.full((2, 2, 1), 0.7))
+    laid = studio.step().values
+    studio.set("floor", colour=0.4, k_s=0.3, k_d=0.7)
+    np.testing.assert_allclose(studio.step().values, laid, rtol=1e-5, atol=1e-6)
+    fresh = lit(coarse, LAMP, gamma=GAMMA, k_s=0.3, k_d=0.7, colour=0.4)
+    assert np.array_equal(fresh.step().values, studio.step().values)
+
+
+def test_a_picture_of_shine_is_where_the_lobe_is(coarse):
+    studio = lit(coarse, LAMP, gamma=GAMMA, k_s=0.4)
+    whole = studio.step().values
+    studio.set("floor", k_s=0.0)
+    without = studio.step().values
+    studio.set("floor", k_s=[[0.4, 0.0]])
+    part, shown = coarse.parts["floor"], studio.step().values - without
+    shares = coarse.coordinates.colours(studio.looks["floor"].k_s.picture, "view")[part.rows]
+    assert shares.min() < 0.15 and shares.max() > 0.3
+    np.testing.assert_allclose(shown[part.rows], shares / 0.4 * (whole - without)[part.rows], rtol=1e-4, atol=1e-5)
+    others = np.setdiff1d(np.arange(len(shown)), part.rows)
+    assert not shown[others].any()
+
+
+def test_pictures_ask_for_texture_coordinates_and_numbers_of_0_or_more(coarse, tmp_path):
+    studio = dl.Studio(coarse)
+    for wrong in (np.full((2, 2), -1.0), np.zeros((0, 2)), np.zeros((2, 2, 2)), np.full((2, 2), np.nan)):
+        with pytest.raises(ValueError, match="one or three finite numbers of 0 or more, or a picture"):
+            studio.set("floor", colour=wrong)
+    with pytest.raises(OSError):
+        studio.set("floor", colour=tmp_path / "none.png")
+    Image.new("RGB", (4, 4), (188, 188, 188)).save(tmp_path / "grey.png")
+    studio.set("floor", colour=tmp_path / "grey.png")
+    assert studio.looks["floor"].colour.picture == pytest.approx(0.5, abs=0.005)
+    bare = dl.Studio(replace(coarse, coordinates=None))
+    with pytest.raises(ValueError, match="this studio's scene has no texture coordinates"):
+        bare.set("floor", k_s=np.ones((2, 2)))

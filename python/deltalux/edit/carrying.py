@@ -17,8 +17,8 @@ from .lighting import Colours, Lighting, Sources
 
 __all__ = ["Carried", "Carrier", "Received", "bound_of", "carrier"]
 
-Reflectance = Callable[[NDArray[np.float32], NDArray[np.uint16]], Colours]
-"""Diffuse reflectances under the looks of materials, of albedos and the materials that have them."""
+Reflectance = Callable[[str], Colours]
+"""Diffuse reflectances under the looks of materials: of the "samples", or of the "nodes"."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ class OverNodes:
     def carried(self, lighting: Lighting, sources: Sources, reflectance: Reflectance) -> Carried:
         """Pass after pass: irradiance and radiosity, as rows take them; samples are a pass behind the view."""
         transport, nodes = self._transport, self._nodes
-        rho, arriving = reflectance(nodes.albedo, nodes.material), lighting.arrived("nodes", sources)
+        rho, arriving = reflectance("nodes"), lighting.arrived("nodes", sources)
         count = len(nodes)
         rows = np.zeros((2 * count, 3))
         behind = rows
@@ -66,7 +66,7 @@ class OverNodes:
             rows[:count] += arriving
             rows[count:] += leaving
         direct = lighting.arrived("samples", sources)
-        light = reflectance(transport.albedo, transport.material) * (direct + nodes.samples.taken(behind))
+        light = reflectance("samples") * (direct + nodes.samples.taken(behind))
         return Carried(transport.tree.forward(light), 0.0, Received(nodes.view.taken(rows), 0.0, True))
 
     def received(self, carried: Carried) -> Received:
@@ -86,7 +86,7 @@ class OverSamples:
     def carried(self, lighting: Lighting, sources: Sources, reflectance: Reflectance) -> Carried:
         """Bounces between samples, and how far they may be from untruncated ones."""
         transport, (kept, lost) = self._transport, self._norms
-        rho, areas = reflectance(transport.albedo, transport.material), transport.areas
+        rho, areas = reflectance("samples"), transport.areas
         passing = rho * lighting.arrived("samples", sources)
         whole, off, unsure = passing.copy(), np.zeros(len(rho)), np.zeros(len(rho))
         for _ in range(transport.passes):

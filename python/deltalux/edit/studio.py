@@ -8,6 +8,7 @@ gamma moves     T_k L of the material that is edited stand; they are mixed anew,
 
 from __future__ import annotations
 
+import os
 import time
 import warnings
 from collections.abc import Mapping, Sequence
@@ -19,7 +20,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._core import Behind, add_lobe
-from ..checks import Vector, as_vector
 from ..light.environment import Environment
 from ..light.lamps import Lamp
 from ..relight.relighter import Frame
@@ -28,6 +28,7 @@ from ..transport.transport import Transport
 from ..update.methods import Full, Method
 from .carrying import Carried, bound_of, carrier
 from .follower import Follower
+from .laid import Laid, Share, at, largest, share_of
 from .lighting import Colours, Kept, Lighting, Sources
 
 __all__ = ["Memory", "Studio", "StudioFrame"]
@@ -60,10 +61,10 @@ class Memory(NamedTuple):
 class Look:
     """How a material looks."""
 
-    k_d: Vector
-    colour: Vector | None
+    k_d: Share
+    colour: Share | None
     """In the place of its diffuse albedo."""
-    k_s: Vector
+    k_s: Share
     gamma: float
 
 
@@ -200,9 +201,9 @@ class Studio:
         name: str,
         *,
         gamma: float | None = None,
-        k_s: ArrayLike | None = None,
-        k_d: ArrayLike | None = None,
-        colour: ArrayLike | None = None,
+        k_s: ArrayLike | str | os.PathLike[str] | None = None,
+        k_d: ArrayLike | str | os.PathLike[str] | None = None,
+        colour: ArrayLike | str | os.PathLike[str] | None = None,
     ) -> None:
         """Another look of a material of a family, from the next frame on.
 
@@ -213,18 +214,26 @@ class Studio:
         gamma
             Of its lobe, within the range of its family; of the material that is edited only.
         k_s, k_d
-            What its lobe and its diffuse reflectance are multiplied by: red, green and blue, or one number.
+            What its lobe and its diffuse reflectance are multiplied by: red, green and blue, or one number; or a
+            picture of either, (h, w) or (h, w, 3), which is laid over the material by its texture coordinates. Row 0 is
+            the top, it repeats, and is filtered over pixels and the cells of samples and nodes. The path of a file
+            stands for its linear values.
         colour
-            Its diffuse reflectance, in the place of the scene's albedo.
+            Its diffuse reflectance, in the place of the scene's albedo and texture; as `k_d`.
 
         Raises
         ------
         ValueError
-            If there is no such material, gamma is another material's than the edited one's, or a number is out of its
-            range; nothing is changed then.
+            If there is no such material, gamma is another material's than the edited one's, a number is out of its
+            range, or a picture is given where the scene has no texture coordinates; nothing is changed then.
+        OSError
+            If a file cannot be read.
         """
-        part, numbers = self._part(name), {"k_s": k_s, "k_d": k_d, "colour": colour}
-        given: dict[str, Any] = {key: _colour(key, value) for key, value in numbers.items() if value is not None}
+        part, shares = self._part(name), {"k_s": k_s, "k_d": k_d, "colour": colour}
+        coordinates = self.transport.coordinates
+        given: dict[str, Any] = {
+            key: share_of(key, value, coordinates) for key, value in shares.items() if value is not None
+        }
         if gamma is not None:
             low, high = part.family.range
             if not low <= float(gamma) <= high:
@@ -234,8 +243,8 @@ class Studio:
             given["gamma"] = float(gamma)
         look = replace(self._looks[part.name], **given)
         albedo = self.transport.albedo[self.transport.material == part.number].max(axis=0, initial=0.0)
-        diffuse = np.asarray(look.k_d) * (albedo if look.colour is None else look.colour)
-        if (diffuse + look.k_s).max() > 1.0 + 1e-6:
+        diffuse = largest(look.k_d) * (albedo if look.colour is None else largest(look.colour))
+        if (diffuse + largest(look.k_s)).max() > 1.0 + 1e-6:
             warnings.warn(f"{name} may reflect more light than it receives: k_d + k_s is above 1", stacklevel=2)
         self._looks[part.name] = look
 
@@ -298,14 +307,15 @@ class Studio:
     def _diffuse_looks(self) -> tuple[Any, ...]:
         return tuple((look.k_d, look.colour) for look in self._looks.values())
 
-    def _reflectance(self, albedo: NDArray[np.float32], material: NDArray[np.uint16]) -> Colours:
-        """Diffuse reflectances under the looks of materials."""
+    def _reflectance(self, of: str) -> Colours:
+        """Diffuse reflectances under the looks of materials: of the "view", of "samples" or of "nodes"."""
+        albedo, material = self.transport.surfaces(of)
         found = albedo.astype(np.float64)
         for part in self.transport.parts.values():
             look, own = self._looks[part.name], material == part.number
             if look.colour is not None:
-                found[own] = look.colour
-            found[own] *= look.k_d
+                found[own] = at(look.colour, of, own)
+            found[own] *= at(look.k_d, of, own)
         return found
 
     def _light_of_samples(self, sources: Sources) -> Carried:
@@ -314,10 +324,7 @@ class Studio:
         return self._light.made((sources, self._diffuse_looks()), make)
 
     def _view_reflectance(self) -> Colours:
-        pixels = self.transport.pixels
-        material = pixels.material
-        assert material is not None
-        return self._rho.made(self._diffuse_looks(), lambda: self._reflectance(pixels.albedo, material))
+        return self._rho.made(self._diffuse_looks(), lambda: self._reflectance("view"))
 
     def _shown(self, sources: Sources, carried: Carried) -> tuple[NDArray[np.float32], float, bool]:
         """What rows send to the eye; how far it may be off; whether all light has been sent."""
@@ -339,7 +346,7 @@ class Studio:
         values = stands.values.copy()
         if self._live is not None:
             self._add_lobe(values, sources, self._part(self._live), followers[self._live].frame)
-        shine = {name: max(self._looks[name].k_s) for name in followers}
+        shine = {name: float(largest(self._looks[name].k_s).max()) for name in followers}
         bounds = [shine[name] * bound_of(follower, carried.unsure) for name, follower in followers.items()]
         followed = received.converged and all(own.frame.converged for own in followers.values())
         return values, stands.bound + max(bounds, default=0.0), followed
@@ -347,7 +354,13 @@ class Studio:
     def _add_lobe(self, values: NDArray[np.float32], sources: Sources, part: StudioPart, frame: Frame | None) -> None:
         """Adds what the lobe of a material sends to the eye: of lamps, and where there is a frame, of surfaces."""
         look, glints = self._looks[part.name], self._lighting.glints(sources, part)
-        add_lobe(values, part.rows, glints, look.gamma, look.k_s, None if frame is None else frame.values)
+        of_surfaces = None if frame is None else frame.values
+        if not isinstance(look.k_s, Laid):
+            add_lobe(values, part.rows, glints, look.gamma, look.k_s, of_surfaces)
+            return
+        whole = np.zeros_like(values)
+        add_lobe(whole, part.rows, glints, look.gamma, _ALL, of_surfaces)
+        values[part.rows] += at(look.k_s, "view", part.rows) * whole[part.rows]
 
     def direct(self) -> NDArray[np.float32]:
         """What rows send to the eye of the lamps' own light, as far as it has been traced.
@@ -406,11 +419,3 @@ class Studio:
     def looks(self) -> Mapping[str, Look]:
         """How the materials of families look."""
         return dict(self._looks)
-
-
-def _colour(name: str, value: ArrayLike) -> Vector:
-    """Three finite numbers of 0 or more; one stands for all."""
-    array = np.asarray(value, np.float64)
-    if array.shape not in ((), (3,)) or not np.isfinite(array).all() or (array < 0).any():
-        raise ValueError(f"expected {name} to be one or three finite numbers of 0 or more, got {value!r}")
-    return as_vector(np.broadcast_to(array, 3))

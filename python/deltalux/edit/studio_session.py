@@ -7,15 +7,16 @@ A file is JSON, a list of steps:
     {"material": "floor", "set": {"gamma": 100, "k_s": 0.5}, "frames": 5}
 
 "lights" are "point", "spot" and "area", with the attributes of `PointLight`, `Spot` and `AreaLight`; "material" is the
-one that is edited from then on, and "set" what `Studio.set` takes. Over so many "frames" numbers move evenly from what
-they were to what they become: of lights where there are as many of the same kinds, and of a material.
+one that is edited from then on, and "set" what `Studio.set` takes, the path of a picture as well as numbers. Over so
+many "frames" numbers move evenly from what they were to what they become: of lights where there are as many of the same
+kinds, and of a material.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,7 @@ from ..output import claim, write_csv
 from ..pages.page import Page, figure, table
 from ..pages.plotting import drawing, logarithmic
 from ..progress import SILENT, Reporter
+from .laid import Laid
 from .session import read_each
 from .studio import Studio, StudioFrame
 
@@ -183,7 +185,7 @@ def _played(studio: Studio, step: Step, lights: Sequence[Lamp]) -> Iterator[Stud
     """The frames of a step, until all light has been sent."""
     if step.material:
         studio.edit(step.material)
-    before = asdict(studio.looks[step.material]) if step.material else {}
+    before = vars(studio.looks[step.material]) if step.material else {}
     for k in range(1, step.frames + _SETTLING + 1):
         share = min(k / step.frames, 1.0)
         if step.changes:
@@ -210,8 +212,8 @@ def _on_its_way(before: Lamp, after: Lamp, share: float) -> Lamp:
 
 
 def _between(before: Any, after: Any, share: float) -> Any:
-    """A number or some on their way, evenly; what has no start is there at once."""
-    if before is None or share == 1:
+    """A number or some on their way, evenly; what has no start is there at once, as pictures are."""
+    if before is None or isinstance(before, Laid) or isinstance(after, str) or share == 1:
         return after
     return ((1 - share) * np.asarray(before, np.float64) + share * np.asarray(after, np.float64)).tolist()
 

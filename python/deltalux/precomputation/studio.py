@@ -40,6 +40,7 @@ from ..columns.inner import Inner
 from ..light.lamps import PointLight, Spot
 from ..progress import Progress, reporter
 from ..scene.scene import Scene
+from ..surface.shading import footprints
 from ..transport.entry import TILES_PER_SHARD
 from ..transport.passing import NODES, StudioNodes
 from ..transport.plan import Part, Plan
@@ -264,7 +265,10 @@ class _Studio:
         material = scene.material[placed.triangle[::EACH]].astype(np.uint16)
         made = StudioNodes(between.factors(), albedo, material, view.weights, samples.weights)
         points = placed.points(core).arrays()
-        made.save(path, {f"node_{what}": own for what, own in zip(POINTS, points, strict=True)})
+        beside: dict[str, np.ndarray] = {f"node_{what}": own for what, own in zip(POINTS, points, strict=True)}
+        if scene.uv is not None:
+            beside["uv_nodes"] = scene.uv_at(placed.triangle, placed.barycentric).reshape(len(placed), EACH, 2)
+        made.save(path, beside)
 
     def _rows(self, name: str) -> Receivers:
         """The receivers that show a material."""
@@ -414,6 +418,8 @@ class _Studio:
             "material": self.of_sample,
             **_table_arrays(self._pixels(self.rows)),
         }
+        if self.scene.uv is not None:
+            arrays |= self._coordinates()
         for of, points in lit.items():
             arrays |= {f"{of}_{what}": own for what, own in zip(POINTS, points.arrays(), strict=True)}
         arrays |= {f"rows_{self.numbers[name]}": own.astype(np.uint32) for name, own in self.of.items()}
@@ -424,6 +430,17 @@ class _Studio:
             parts.append(about | own | {"f0": family.f0})
         about = {"passes": self.passes, "seconds": seconds, "camera": asdict(self.scene.camera), "parts": parts}
         FOLDER.write(path, about, arrays)
+
+    def _coordinates(self) -> dict[str, np.ndarray]:
+        """Texture coordinates of the view and of samples; those of nodes are kept with the nodes."""
+        view = self.rows.triangle, self.rows.barycentric
+        arrays = {
+            "uv_view": self.scene.uv_at(*view),
+            "uv_steps": footprints(self.scene, *view, self.scene.camera).astype(np.float32),
+            "uv_cells": self.scene.uv_at(*self.samples.cell_places()),
+            "uv_starts": self.samples.cell_starts.astype(np.uint32),
+        }
+        return arrays if self.cap else arrays | {"uv_nodes": np.zeros((0, EACH, 2), np.float32)}
 
 
 def _table_arrays(table: ReceiverTable) -> dict[str, NDArray[Any]]:

@@ -435,8 +435,6 @@ def _assemble(
             sentences.append(f"framing: {np.count_nonzero(~near)} triangles far beyond the rest are not looked for")
     pictures = tuple(None if texture is None else frozen(texture, np.float32) for texture in textures)
     looks = dict(looks or {})
-    holes = [cutout.picture for cutout in looks.get("cutouts", ()) if cutout is not None]
-    looked_up = any(picture is not None for picture in (*pictures, *looks.get("reliefs", ()), *holes))
     return Scene(
         vertices=frozen(points, np.float64),
         triangles=frozen(corners[kept], np.uint32),
@@ -444,7 +442,7 @@ def _assemble(
         albedo=frozen(colours, np.float32),
         camera=camera,
         textures=pictures or (None,) * len(colours),
-        uv=None if uv is None or not looked_up else frozen(uv, np.float32),
+        uv=None if uv is None else frozen(uv, np.float32),
         normals=None if normals is None else frozen(normals, np.float32),
         name=name,
         counts=found,

@@ -257,7 +257,7 @@ class Surface:
             64 hexadecimal digits (BLAKE2b).
         """
         digest = hashlib.blake2b(digest_size=32)
-        arrays = [self.vertices, self.triangles, self.material, self.albedo, self.uv, *self.textures]
+        arrays = [self.vertices, self.triangles, self.material, self.albedo, self._looked_up, *self.textures]
         # What came later: scenes without any of it have the digest that they had.
         later = [self.normals, self.specular, *_fingerprints(self.models), self.emission]
         latest = {name: array for name, array in self._latest().items() if array is not None}
@@ -306,6 +306,24 @@ class Surface:
             albedo *= mixed(self.colours[self.triangles[triangles]], barycentrics).clip(0.0, 1.0)
         return albedo
 
+    def uv_at(self, triangles: npt.ArrayLike, barycentrics: npt.ArrayLike) -> np.ndarray:
+        """Texture coordinates of surface points.
+
+        Parameters
+        ----------
+        triangles, barycentrics
+            As for `albedo_at`.
+
+        Returns
+        -------
+        (k, 2) float32
+            All 0 where there are none.
+        """
+        if self.uv is None:
+            return np.zeros((len(np.asarray(triangles)), 2), np.float32)
+        corners = self.uv[self.triangles[np.asarray(triangles)]]
+        return mixed(corners, np.asarray(barycentrics, np.float64)).astype(np.float32)
+
     def reflectance_at(self, triangles: npt.ArrayLike, barycentrics: npt.ArrayLike) -> np.ndarray:
         """All that surface points reflect, diffusely and in lobes, as light between surfaces takes it: as if diffuse.
 
@@ -340,8 +358,9 @@ class Surface:
         models = [model for model in self.models if not isinstance(model, Measured)]
         if len(models) < len(self.models):
             return {}
-        names = ("vertices", "triangles", "material", "albedo", "uv", "normals", "specular", "emission")
+        names = ("vertices", "triangles", "material", "albedo", "normals", "specular", "emission")
         found = {name: getattr(self, name) for name in names if getattr(self, name) is not None}
+        found |= {} if self._looked_up is None else {"uv": self._looked_up}
         pictures: dict[int, np.ndarray] = {id(texture): texture for texture in self.textures if texture is not None}
         if pictures:
             numbers = {key: number for number, key in enumerate(pictures)}
@@ -350,6 +369,13 @@ class Surface:
             found |= {f"picture.{number:05}": picture for number, picture in enumerate(pictures.values())}
         found |= {name: array for name, array in self._latest().items() if array is not None}
         return found | encoded(models) if models else found
+
+    @property
+    def _looked_up(self) -> np.ndarray | None:
+        """Texture coordinates, where a material has a picture to look up by them."""
+        holes = [cutout.picture for cutout in self.cutouts if cutout is not None]
+        used = any(picture is not None for picture in (*self.textures, *self.reliefs, *holes))
+        return self.uv if used else None
 
     def _latest(self) -> dict[str, np.ndarray | None]:
         """What came with 0.7, as named arrays."""

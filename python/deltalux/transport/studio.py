@@ -17,6 +17,7 @@ from .._core import Scene as CoreScene
 from ..brdf.family import Family
 from ..camera import Camera
 from ..columns.inner import Inner
+from .coordinates import Coordinates
 from .folder import Folder, array, stored_arrays
 from .passing import NODES, Gathered, StudioNodes
 from .receivers import Pixels
@@ -96,6 +97,8 @@ class StudioTransport:
         Whose they are.
     seconds : float
         That it took to make.
+    coordinates : Coordinates or None
+        Texture coordinates, where the scene has some.
     """
 
     path: Path
@@ -108,6 +111,7 @@ class StudioTransport:
     albedo: NDArray[np.float32]
     material: NDArray[np.uint16]
     seconds: float
+    coordinates: Coordinates | None
     _arrays: Mapping[str, NDArray[Any]] = field(repr=False)
     _eyes: dict[str, NDArray[np.float32]] = field(default_factory=dict, repr=False)
 
@@ -145,6 +149,26 @@ class StudioTransport:
     def tree(self) -> SampleTree:
         """The wavelets over the samples."""
         return SampleTree(self._arrays["areas"])
+
+    def surfaces(self, of: str) -> tuple[NDArray[np.float32], NDArray[np.uint16]]:
+        """Diffuse reflectances, and the materials that have them.
+
+        Parameters
+        ----------
+        of
+            "view", "samples" or "nodes".
+
+        Returns
+        -------
+        (k, 3) float32 and (k,) uint16
+        """
+        if of == "view":
+            assert self.pixels.material is not None
+            return self.pixels.albedo, self.pixels.material
+        if of == "samples":
+            return self.albedo, self.material
+        assert isinstance(self.between, StudioNodes)
+        return self.between.albedo, self.between.material
 
     def eyes_of(self, part: StudioPart) -> NDArray[np.float32]:
         """Unit vectors to the camera from the rows of a material.
@@ -198,14 +222,16 @@ class StudioTransport:
             pixels = Pixels(ReceiverTable.pixels(image=(camera.height, camera.width), **view))
             between, beside = _between(path, len(pixels), samples)
             stored |= beside
-            _check(stored, len(pixels), samples, len(between) if isinstance(between, StudioNodes) else 0)
+            nodes = len(between) if isinstance(between, StudioNodes) else 0
+            _check(stored, len(pixels), samples, nodes)
+            coordinates = Coordinates.of_arrays(stored, len(pixels), samples, nodes)
             parts = {own["name"]: _part(path, own, stored) for own in about["parts"]}
             weights, albedo, material = (stored[name] for name in ("weights", "albedo", "material"))
             passes = int(about["passes"])
             if not 0 <= passes <= 64:
                 raise ValueError(f"expected passes from 0 to 64, found {passes}")
             return StudioTransport(
-                path, pixels, between, parts, passes, camera, weights, albedo, material, seconds, stored
+                path, pixels, between, parts, passes, camera, weights, albedo, material, seconds, coordinates, stored
             )
 
     def __repr__(self) -> str:
@@ -217,7 +243,7 @@ def _between(path: Path, rows: int, samples: int) -> tuple[StudioNodes | Gathere
     """What carries diffuse light, and the arrays of nodes."""
     if (path / NODES).exists():
         stored = stored_arrays(path / NODES)
-        points = {name: own for name, own in stored.items() if name.startswith("node_")}
+        points = {name: own for name, own in stored.items() if name.startswith("node_") or name == "uv_nodes"}
         return StudioNodes.of_arrays(stored, rows, samples), points
     between = Gathered(Transport.open(path / "diffuse"), Transport.open(path / "bounces"))
     if between.diffuse.shape[0] != rows or between.bounces.shape[0] != samples:

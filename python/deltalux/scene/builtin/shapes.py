@@ -22,10 +22,11 @@ GRID = 2.0**-20
 
 
 class Model:
-    """A scene in the making; `palette`: linear albedos by the names of its materials."""
+    """A scene in the making; `palette`: linear albedos by the names of its materials; `laid`: those that pictures may
+    be laid over, from above, and how wide one is."""
 
-    def __init__(self, name: str, palette: Mapping[str, Colour]) -> None:
-        self.name, self._palette = name, palette
+    def __init__(self, name: str, palette: Mapping[str, Colour], laid: Mapping[str, float] | None = None) -> None:
+        self.name, self._palette, self._laid = name, palette, laid or {}
         self._shapes: list[Shape] = []
         self._material: list[int] = []
         self._used: list[str] = []
@@ -44,7 +45,9 @@ class Model:
             content.add_material(self._palette[name], name=name)
         for (vertices, triangles), material in zip(self._shapes, self._material, strict=True):
             points = np.round(vertices / GRID) * GRID
-            content.add_piece(Piece(points, triangles[_distinct_corners(points, triangles)], None, material))
+            wide = self._laid.get(self._used[material])
+            uv = None if wide is None else points[:, (0, 2)] * (1.0 / wide, -1.0 / wide)
+            content.add_piece(Piece(points, triangles[_distinct_corners(points, triangles)], uv, material))
         return content
 
 

@@ -19,7 +19,7 @@ def studio_box() -> Content:
         "tall box": (0.55, 0.53, 0.50),
         "short box": (0.40, 0.42, 0.55),
     }
-    model = Model("studio-box", palette)
+    model = Model("studio-box", palette, laid={"floor": 1.0})
     model.add("floor", quad((-1, 0, -1), (0, 0, 2), (2, 0, 0)))
     model.add("white", quad((-1, 0, -1), (2, 0, 0), (0, 2, 0)), quad((-1, 2, -1), (2, 0, 0), (0, 0, 2)))
     model.add("red", quad((-1, 0, -1), (0, 2, 0), (0, 0, 2)))
@@ -37,7 +37,7 @@ def studio_figures() -> Content:
         "hare": (0.62, 0.50, 0.38),
         "dragon": (0.20, 0.42, 0.30),
     }
-    model = Model("studio-figures", palette)
+    model = Model("studio-figures", palette, laid={"floor": 1.0})
     model.add("floor", quad((-3, 0, -2), (0, 0, 4), (6, 0, 0)))
     model.add("wall", quad((-3, 0, -2), (6, 0, 0), (0, 3, 0)))
     model.add("hare", moved(_hare(), (-0.95, 0.0, 0.2), 30.0))
@@ -55,7 +55,7 @@ def studio_still_life() -> Content:
         "ring": (0.55, 0.42, 0.15),
         "cup": (0.70, 0.68, 0.64),
     }
-    model = Model("studio-still-life", palette)
+    model = Model("studio-still-life", palette, laid={"table": 1.2})
     model.add("table", quad((-2.4, 0, -1.6), (0, 0, 3.2), (4.8, 0, 0)))
     model.add("wall", quad((-2.4, 0, -1.6), (4.8, 0, 0), (0, 2.6, 0)))
     height = np.linspace(0.0, 1.2, 32)
