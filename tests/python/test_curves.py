@@ -492,9 +492,10 @@ def test_curves_are_drawn_and_set(transport):
         np.testing.assert_allclose(
             said["values"], np.stack([np.interp(said["theta"], theta, own) for own in values.T], 1)
         )
-        drawn = {"theta": [0.0, 0.2, 0.6], "values": [4.0, 2.0, 0.0]}
+        # A colour of its own at one angle, a number for all at the others.
+        drawn = {"theta": [0.0, 0.2, 0.6], "values": [[4.0, 3.0, 1.0], 2.0, 0.0]}
         own.send(state={"curves": {name: drawn}})
-        editor.set_curve(name, drawn["theta"], drawn["values"])
+        editor.set_curve(name, drawn["theta"], [[4.0, 3.0, 1.0], [2.0] * 3, [0.0] * 3])
         wanted = editor.step().image
         assert np.abs(own.still() - wanted).max() <= 1e-4 * wanted.max()
         before = view._stage.state()

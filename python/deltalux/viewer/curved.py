@@ -135,7 +135,7 @@ class Curved(Subject):
         if not isinstance(theta, list) or not isinstance(values, list) or not len(theta) == len(values) <= _MOST_POINTS:
             raise ValueError(f"expected a curve as at most {_MOST_POINTS} angles, and as many values")
         angles = [number("an angle in radians", own, 0.0, 1.5708) for own in theta]
-        heights = [number("a value of a curve", own, 0.0, _BRIGHTEST) for own in values]
+        heights = [_height(own) for own in values]
         self.editor.set_curve(name, angles, heights)
         curves[name] = {"theta": angles, "values": heights}
 
@@ -191,6 +191,12 @@ def _parameters(part: CurvePart) -> dict[str, Any]:
         if own.name in _RANGES and isinstance(value, float) and edited:
             known[own.name] = value
     return {**known, "colour": list(part.specular)}
+
+
+def _height(value: Any) -> list[float]:
+    """A value of a curve: in red, green and blue; one number stands for all."""
+    each = value if isinstance(value, list) else [value] * 3
+    return list(vector("a value of a curve", each, 0.0, _BRIGHTEST))
 
 
 def _angles() -> Any:

@@ -11,6 +11,9 @@ const RIGHT = Math.PI / 2;
 
 const HINT = "Curve over the half angle: drag to pull it; left and right choose the angle, up and down pull";
 
+const COLOURS = ["all colours", "red", "green", "blue"];
+const LINES = ["#e05545", "#3fa45a", "#4f7fe0"];
+
 const mean = ([r, g, b]) => (r + g + b) / 3;
 
 export function mountCurve(app) {
@@ -19,12 +22,17 @@ export function mountCurve(app) {
   const title = element("b");
   const put = (curve) => app.shared.set({ curves: { ...app.shared.values.curves, [name]: curve } });
   const back = button("curve-back", "By parameters", () => put(null), { title: "Back to the curve of the parameters" });
-  const whole = div("curve", div("head", title, back), div("pair", plot, lobe));
+  const colour = element("select", { id: "curve-colour", ariaLabel: "Which colour of the curve is pulled" });
+  colour.append(...COLOURS.map((text, k) => new Option(text, String(k - 1))));
+  const whole = div("curve", div("head", title, colour, back), div("pair", plot, lobe));
   const first = {};
   const now = {};
   let name = null;
   let pulling = false;
   let angle = 0.2;
+  // What of a value is pulled: one colour, or the mean of all.
+  const level = (three) => (Number(colour.value) < 0 ? mean(three) : three[Number(colour.value)]);
+  colour.onchange = () => draw();
 
   app.on("curve", (curve) => {
     first[curve.name] ??= curve;
@@ -38,7 +46,8 @@ export function mountCurve(app) {
 
   // The scale stays while a pull lasts, else the curve would flee from the pointer.
   let top = 1;
-  const scale = () => (top = 3 * Math.max(1e-6, ...now[name].values.map(mean)));
+  const scale = () => (top = 3 * Math.max(1e-6, ...now[name].values.flat()));
+  const least = () => top * 10 ** -DECADES;
   const down = (value) => (Math.log10(top / Math.max(value, 1e-12)) / DECADES) * plot.height;
 
   drags(plot, {
@@ -60,7 +69,8 @@ export function mountCurve(app) {
     if (!way || !now[name]) return;
     event.preventDefault();
     angle = clamp(angle + way[0] * 0.05, 0, RIGHT);
-    if (way[1]) to(angle, valueAt(angle) * 1.2 ** way[1]);
+    // What lies below the plot is pulled from its lower edge.
+    if (way[1]) to(angle, Math.max(valueAt(angle), least()) * 1.2 ** way[1]);
     draw();
   };
 
@@ -75,21 +85,24 @@ export function mountCurve(app) {
     const { theta: angles, values } = now[name];
     const next = Math.max(1, angles.findIndex((one) => one >= theta));
     const t = clamp((theta - angles[next - 1]) / (angles[next] - angles[next - 1]), 0, 1);
-    return mean(values[next - 1]) * (1 - t) + mean(values[next]) * t;
+    return level(values[next - 1]) * (1 - t) + level(values[next]) * t;
   }
 
   /** Pulls the curve to a value at an angle; its neighbours follow by the same ratio, less the further off. */
   function to(theta, value) {
-    const least = top * 10 ** -DECADES;
-    const ratio = Math.max(value, 1e-3 * least) / Math.max(valueAt(theta), least);
+    const edge = least();
+    const ratio = Math.max(value, 1e-3 * edge) / Math.max(valueAt(theta), edge);
     const { theta: angles, values } = now[name];
     const pulled = values.map((three, k) => {
       const share = Math.exp(-0.5 * ((angles[k] - theta) / REACH) ** 2);
-      const held = mean(three) < least ? [least, least, least] : three;
-      return share < 1e-3 ? three : held.map((one) => one * ratio ** share);
+      if (share < 1e-3) return three;
+      const only = Number(colour.value);
+      if (only >= 0) return three.with(only, Math.max(three[only], edge) * ratio ** share);
+      const held = mean(three) < edge ? [edge, edge, edge] : three;
+      return held.map((one) => one * ratio ** share);
     });
     now[name] = { ...now[name], values: pulled };
-    put({ theta: angles, values: pulled.map(mean) });
+    put({ theta: angles, values: pulled });
     draw();
   }
 
@@ -104,9 +117,12 @@ export function mountCurve(app) {
       pen.fillRect((degrees / 90) * width, 0, 0.5, height);
       pen.fillText(`${degrees}°`, (degrees / 90) * width + 2, height - 3);
     }
-    for (const [curve, dash, colour] of [[first[name], [4, 3], "--faint"], [now[name], [], "--accent"]]) {
-      line(pen, dash, colour, curve.theta.map((theta, k) => [(theta / RIGHT) * width, down(mean(curve.values[k]))]));
-    }
+    const across = ({ theta, values }, height) =>
+      theta.map((one, k) => [(one / RIGHT) * width, down(height(values[k]))]);
+    line(pen, [4, 3], themed("--faint"), across(first[name], level));
+    const coloured = now[name].values.some(([r, g, b]) => Math.max(r, g, b) > 1.01 * Math.min(r, g, b));
+    if (coloured) LINES.forEach((ink, c) => line(pen, [], ink, across(now[name], (three) => three[c])));
+    line(pen, [], themed("--accent"), across(now[name], level));
     pen.fillStyle = themed("--ink");
     pen.fillRect((angle / RIGHT) * width - 2, clamp(down(valueAt(angle)), 0, height) - 2, 4, 4);
     drawLobe();
@@ -127,7 +143,7 @@ export function mountCurve(app) {
         const reach = mean(curve.values[k]) / largest;
         return [width / 2 + sign * reach * Math.sin(theta), height - 6 - reach * Math.cos(theta)];
       });
-      line(pen, dash, colour, [...side(-1).reverse(), ...side(1)]);
+      line(pen, dash, themed(colour), [...side(-1).reverse(), ...side(1)]);
     }
   }
 
@@ -143,9 +159,9 @@ export function mountCurve(app) {
   };
 }
 
-function line(pen, dash, colour, points) {
+function line(pen, dash, ink, points) {
   pen.setLineDash(dash);
-  pen.strokeStyle = themed(colour);
+  pen.strokeStyle = ink;
   pen.lineWidth = 1.5;
   pen.beginPath();
   points.forEach(([x, y], k) => pen[k ? "lineTo" : "moveTo"](x, y));
