@@ -165,6 +165,13 @@ def test_another_environment_paint_and_lamps(opened, view, transport):
 
     moved(page, paint)
     assert sum(len(dabs) for dabs in view._relit.lights.dabs.values()) >= 2
+    assert holds(page, view, transport)
+    painted = transport.coefficients(view.env)
+    (paint_group,) = (group.id for group in view._relit.lights.groups if group.kind == "paint")
+    moved(page, lambda: page.click(f"#unpaint-{paint_group}"))
+    assert not np.array_equal(transport.coefficients(view.env), painted) and holds(page, view, transport)
+    moved(page, lambda: page.keyboard.press("Control+z"))
+    assert np.array_equal(transport.coefficients(view.env), painted)
     assert holds(page, view, transport) and page.faults == []
 
 

@@ -25,7 +25,7 @@ Dab = tuple[float, float, float, Vector]
 _MOST_GROUPS, _MOST_DABS = 16, 20_000
 _STOPS, _FARTHEST, _BRIGHTEST = 20.0, 36_000.0, 1e6
 _SHARED = ("id", "kind", "gain", "tint", "mute", "solo")
-_OWN = {"environment": ("source", "turn"), "lamp": ("azimuth", "elevation", "radius"), "paint": ()}
+_OWN = {"environment": ("source", "turn"), "lamp": ("azimuth", "elevation", "radius"), "paint": ("cleared",)}
 
 
 @dataclass(frozen=True)
@@ -45,6 +45,8 @@ class Group:
     azimuth: float = 0.0
     elevation: float = 0.0
     radius: float = 0.0
+    cleared: int = 0
+    """So many of the first dabs of paint are not shown: wiped away, and there again when that is undone."""
 
     @staticmethod
     def of(value: Any, sources: Sequence[str]) -> Group:
@@ -70,7 +72,7 @@ class Group:
                 elevation=number("an elevation", found.get("elevation"), -90.0, 90.0),
                 radius=number("a radius in degrees", found.get("radius"), 0.1, 90.0),
             )
-        return group
+        return replace(group, cleared=int(number("how many dabs are cleared", found.get("cleared", 0), 0, _MOST_DABS)))
 
     def to_json(self) -> dict[str, Any]:
         """As `of` takes it."""
@@ -180,8 +182,16 @@ class Lights:
         return replace(self, dabs={**self.dabs, name: (*before, *dabs)})
 
     def unpainted(self, value: Any) -> Lights:
-        """Without the paint of a group."""
-        return replace(self, dabs={**self.dabs, self._paint(value): ()})
+        """Without the paint that a group has by now."""
+        name = self._paint(value)
+        cleared = len(self.dabs.get(name, ()))
+        return replace(
+            self, groups=tuple(replace(own, cleared=cleared) if own.id == name else own for own in self.groups)
+        )
+
+    def shown(self, group: Group) -> tuple[Dab, ...]:
+        """What of a group's paint has not been cleared."""
+        return self.dabs.get(group.id, ())[group.cleared :]
 
     def _paint(self, value: Any) -> str:
         name = _id(value)
@@ -206,7 +216,7 @@ class Lights:
             return env.rotated(degrees, axis) if degrees else env
         if group.kind == "lamp":
             return Environment.disc(group.azimuth, group.elevation, group.radius)
-        return self.canvases.setdefault(group.id, Canvas()).environment(self.dabs.get(group.id, ()))
+        return self.canvases.setdefault(group.id, Canvas()).environment(self.shown(group))
 
     @property
     def _first(self) -> str:
@@ -217,7 +227,7 @@ class Lights:
         """The sum of all groups that are heard."""
         total: Environment | None = None
         for group in self.heard:
-            if group.kind != "paint" or self.dabs.get(group.id):
+            if group.kind != "paint" or self.shown(group):
                 own = self.of_group(group).tinted(group.factors)
                 total = own if total is None else total + own
         # No light is a light as well, and a follower has to follow it.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import tempfile
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -40,8 +41,8 @@ class Requests:
         self._stage, self._tell = stage, tell
         self._known: dict[str, Callable[[Client, Any], dict[str, Any] | None]] = {
             "state": lambda client, value: stage.take(_object(value)),
-            "paint": lambda client, value: self._paint("paint", value),
-            "unpaint": lambda client, value: self._paint("unpaint", value),
+            "paint": lambda client, value: self._paint(client, "paint", value),
+            "unpaint": lambda client, value: self._paint(client, "unpaint", value),
             "step": lambda client, value: stage.step_once(),
             "want": lambda client, value: client.want(value),
             "ack": lambda client, value: client.acknowledge(value),
@@ -57,12 +58,15 @@ class Requests:
             raise ValueError(f"expected a message of {', '.join(self._known)}, got {kind[:40]!r}")
         return self._known[kind](client, value)
 
-    def _paint(self, change: str, value: Any) -> None:
+    def _paint(self, client: Client, change: str, value: Any) -> None:
         subject = self._stage.subject
         if not isinstance(subject, Relit):
             raise ValueError("expected a transport whose light is painted")
         subject.paint(change, value)
         self._stage.wake()
+        if change == "unpaint":
+            # The page that asked for it hears it too: it does not know how many dabs there are.
+            self._tell({"state": {"light": subject.lights.to_json()}, "by": client.number})
 
     def _look(self, client: Client, value: Any) -> None:
         if not isinstance(value, list) or len(value) != 2 or not all(isinstance(own, int) for own in value):
@@ -147,8 +151,8 @@ def resume(stage: Stage, value: Any) -> tuple[dict[str, Any], dict[str, Any]]:
     stage.take(_object(found.get("state")))
     subject, dabs = stage.subject, found.get("dabs")
     if isinstance(subject, Relit) and isinstance(dabs, dict):
+        subject.lights = replace(subject.lights, dabs={})
         for name, own in dabs.items():
-            subject.paint("unpaint", name)
             for dab in own if isinstance(own, list) else ():
                 if not isinstance(dab, list) or len(dab) != 4:
                     raise ValueError("expected dabs of an azimuth, an elevation, a radius and a colour")

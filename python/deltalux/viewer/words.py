@@ -18,7 +18,7 @@ def light_in_python(lights: Lights) -> list[str]:
     lines: list[str] = []
     names: list[str] = []
     for group in lights.heard:
-        dabs = lights.dabs.get(group.id, ())
+        dabs = lights.shown(group)
         if group.kind == "paint" and not dabs:
             continue
         name = f"light_{len(names) + 1}"

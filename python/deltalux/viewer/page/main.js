@@ -185,7 +185,8 @@ function ask(message) {
 function text(message) {
   if (message.welcome) return greet(message.welcome);
   if (message.replaced) return begin(message.replaced);
-  if (message.state) app.shared.set(message.state, "there");
+  // What this page has asked for without knowing what it makes is a step of its own, to be undone.
+  if (message.state) app.shared.set(message.state, message.by === app.client ? "here" : "there");
   if (message.view) app.tell("opened", message.view);
   if (message.problem) say(message.problem);
   if (message.text) app.tell("text", message.text);
@@ -201,6 +202,7 @@ function text(message) {
 function greet(welcome) {
   acks.length = 0;
   changed.clear();
+  app.client = welcome.client;
   begin(welcome);
 }
 
