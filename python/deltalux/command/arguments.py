@@ -82,6 +82,24 @@ def add_command(
     return command
 
 
+def add_scene(command: argparse.ArgumentParser) -> None:
+    """The arguments of how a scene is read and seen."""
+    command.add_argument("--size", type=read_size, metavar="WxH", help="pixels; default: the scene's own camera")
+    command.add_argument(
+        "--camera",
+        type=read_view,
+        metavar="PX,PY,PZ:TX,TY,TZ[:FOV]|NAME",
+        help="position, target, degrees; or a camera of the file",
+    )
+    command.add_argument(
+        "--scene", dest="within", metavar="NAME", help="of a glTF file with several: its name or number"
+    )
+    command.add_argument("--up", choices=("y", "z"), help="axis that points upwards in the file; default: y")
+    command.add_argument(
+        "--ground", action="store_true", help="a grey plane under the scene, which may catch its shadow (--catcher)"
+    )
+
+
 def add_light(command: argparse.ArgumentParser, several: bool = False, default: str | None = None) -> None:
     """The arguments of a light: an environment, or several, and how its file is read."""
     names = f"{', '.join(BUILTIN)}, or a .hdr or .exr file"
@@ -241,7 +259,7 @@ def scene_of(chosen: argparse.Namespace) -> Scene:
         camera = Camera(position, target, vertical_fov=fov)
     if chosen.size is not None and isinstance(camera, Camera):
         camera = camera.resized(*chosen.size)
-    up, within = getattr(chosen, "up", "y"), getattr(chosen, "within", None)
+    up, within = getattr(chosen, "up", None) or "y", getattr(chosen, "within", None)
     if name not in SCENES:
         scene = Scene.load(name, camera, up=up, scene=within)
     elif isinstance(camera, str) or up != "y" or within is not None:

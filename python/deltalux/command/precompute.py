@@ -14,7 +14,7 @@ from ..precomputation.run import Precomputation
 from ..progress import reporter
 from ..scene.builtin.catalogue import SCENES
 from ..transport.transport import Transport
-from .arguments import add_command, read_bounces, read_nodes, read_size, read_view, say, scene_of
+from .arguments import add_command, add_scene, read_bounces, read_nodes, say, scene_of
 
 _RESUME = "stopped; the same command resumes where it left off"
 
@@ -27,25 +27,10 @@ def add(commands: Any) -> None:
         "scene", metavar="SCENE", help=f"{', '.join(SCENES)}, or a .glb, .gltf, .obj, .ply or .stl file"
     )
     command.add_argument("-o", "--output", metavar="FILE", help="directory to make, by custom NAME.transport")
-    command.add_argument("--size", type=read_size, metavar="WxH", help="pixels; default: the scene's own camera")
     command.add_argument(
         "--columns", default=COLUMNS, metavar="haar:N[+texels]|sh:N", help="basis of the light; default: %(default)s"
     )
-    command.add_argument(
-        "--camera",
-        type=read_view,
-        metavar="PX,PY,PZ:TX,TY,TZ[:FOV]|NAME",
-        help="position, target, degrees; or a camera of the file",
-    )
-    command.add_argument(
-        "--scene", dest="within", metavar="NAME", help="of a glTF file with several: its name or number"
-    )
-    command.add_argument(
-        "--up", choices=("y", "z"), default="y", help="axis that points upwards in the file; default: %(default)s"
-    )
-    command.add_argument(
-        "--ground", action="store_true", help="a grey plane under the scene, which may catch its shadow (--catcher)"
-    )
+    add_scene(command)
     command.add_argument("--quality", choices=QUALITIES, default="publication", help="default: %(default)s")
     command.add_argument("--tolerance", type=float, help="relative error of the image from truncation, such as 0.01")
     command.add_argument(

@@ -18,9 +18,12 @@ from ..viewer.handle import View, lights_of, opened, subject_of
 from ..viewer.preview import small
 from ..viewer.requests import read_session, resume
 from ..viewer.server import check_installed
-from .arguments import add_command, add_light, environment_of, read_size, read_view, say, scene_of
+from .arguments import add_command, add_light, add_scene, environment_of, say, scene_of
 from .own import OWN, read_own
 
+_OF_SCENES = {
+    "size": "size", "camera": "camera", "scene": "within", "up": "up", "ground": "ground", "output": "output",
+}  # fmt: skip
 _LIGHTS = (".hdr", ".exr", ".pic")
 
 
@@ -30,14 +33,7 @@ def add(commands: Any) -> None:
     command.add_argument(
         "transport", metavar="TRANSPORT|SCENE", help="of a scene a small picture is there in seconds, and grows finer"
     )
-    command.add_argument("--size", type=read_size, metavar="WxH", help="of a scene; default: its own camera's")
-    command.add_argument(
-        "--camera",
-        type=read_view,
-        metavar="PX,PY,PZ:TX,TY,TZ[:FOV]|NAME",
-        help="of a scene: position, target, degrees; or a camera of the file",
-    )
-    command.add_argument("--up", choices=("y", "z"), default="y", help="of a scene; default: %(default)s")
+    add_scene(command)
     command.add_argument("-o", "--output", metavar="FILE", help="where the finest transport of a scene goes")
     add_light(command, several=True, default="hall, and all that are built in to choose from")
     command.add_argument("--export", metavar="FOLDER", help="write a page that relights by itself, and open nothing")
@@ -90,8 +86,8 @@ def _scene(chosen: argparse.Namespace) -> Scene | None:
     """The scene that was given; None of a transport."""
     path = Path(chosen.transport)
     if path.is_dir() or (path.suffix == "" and not path.exists() and chosen.transport not in SCENES):
-        for option in ("size", "camera", "output"):
-            if getattr(chosen, option) is not None:
+        for option, dest in _OF_SCENES.items():
+            if getattr(chosen, dest):
                 raise ValueError(f"expected --{option} with a scene only")
         return None
     if chosen.output is not None:

@@ -12,7 +12,7 @@ import sys
 import tempfile
 import threading
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -90,6 +90,8 @@ class Refinement:
         steps.append((whole, _COLUMNS, folder / "whole.transport" if output is None else output.absolute()))
         settings = {
             "name": scene.name,
+            # Arrays have none; by its name the ground is known.
+            "names": scene.names,
             "steps": [{"camera": asdict(camera), "columns": own, "path": str(path)} for camera, own, path in steps],
         }
         (folder / _SETTINGS).write_text(json.dumps(settings), encoding="utf-8")
@@ -147,7 +149,7 @@ def _refine(folder: Path) -> None:
         camera = Camera(**step["camera"])
         what = f"refining, {camera.width} x {camera.height}"
         say = _throttled(what, len(settings["steps"]), number)
-        scene = Scene.of_surface(surface, camera, settings["name"])
+        scene = replace(Scene.of_surface(surface, camera, settings["name"]), names=tuple(settings["names"]))
         precompute(scene, step["path"], columns=Haar(step["columns"]), progress=say)
         print(json.dumps({"made": step["path"]}), flush=True)
 
