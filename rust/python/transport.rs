@@ -299,7 +299,7 @@ impl Transport {
         Ok(self.file()?.manifest.files.iter().map(|entry| (entry.name.clone(), entry.bytes)).collect())
     }
 
-    /// What lies beside the product under a name, "scene", "nodes" or "emission": arrays by their names; None where nothing does.
+    /// What lies beside the product under a name, "scene", "nodes", "emission" or "lamps": arrays by their names; None where nothing does.
     fn beside<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Option<Bound<'py, PyDict>>> {
         arrays_beside(py, &self.file()?.beside, name)
     }
@@ -344,19 +344,21 @@ impl Transport {
         ))
     }
 
-    /// M^T R for (k, rows, 3) float64: (k, columns, 3) float64. `mix`: (rows, factors) float32, where there are several.
-    #[pyo3(signature = (numbers, mix = None))]
+    /// M^T R for (k, rows, 3) float64: (k, columns, 3) float64. `mix`: (rows, factors) float32, where there are several. Of
+    /// texel columns only where `texels` asks for them, else 0.
+    #[pyo3(signature = (numbers, mix = None, texels = true))]
     fn adjoint<'py>(
         &self,
         py: Python<'py>,
         numbers: PyReadonlyArray3<'py, f64>,
         mix: Option<PyReadonlyArray2<'py, f32>>,
+        texels: bool,
     ) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let (rows, columns) = self.shape();
         let (count, flat) = several(&numbers, rows)?;
         let mix = mix.map(|mix| mix_of(&mix)).transpose()?;
         let out = compute(py, || {
-            let each = flat.chunks(rows.max(1)).map(|r| self.chain.adjoint(r, mix.as_ref()));
+            let each = flat.chunks(rows.max(1)).map(|r| self.chain.adjoint(r, mix.as_ref(), texels));
             Ok(each.collect::<Result<Vec<_>>>()?.concat().into_flattened())
         })?;
         out.into_pyarray(py).reshape([count, columns, 3])

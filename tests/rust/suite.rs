@@ -22,7 +22,7 @@ const ROWS: usize = 40;
 const TERMS: usize = 24;
 
 fn spaces() -> Vec<ColumnSpace> {
-    vec![ColumnSpace::haar(4).unwrap(), ColumnSpace::spherical_harmonics(6).unwrap()]
+    vec![ColumnSpace::haar(4).unwrap(), ColumnSpace::spherical_harmonics(6).unwrap(), ColumnSpace::lamps(30).unwrap()]
 }
 
 /// A product, its mix, and what it stands for in f64.
@@ -364,6 +364,32 @@ fn every_form_under_every_method_is_within_its_bound_and_ends_exact() {
                 chain.multiply(&[&to], mix.as_ref(), &mut fresh).unwrap();
                 assert_eq!(out, fresh, "{name}, {space}, {method:?}: other bits than a fresh product");
             }
+        }
+    }
+}
+
+/// Against the plain products; bit for bit it is held in Python (`test_adjoint.py`).
+#[test]
+fn the_adjoint_of_every_form_is_its_transpose() {
+    for &(name, form) in FORMS {
+        for space in spaces() {
+            let Form { product, mix, oracle } = form(space);
+            let chain = Chain::new(product);
+            let r: Light = light(ROWS, 31);
+            let sums = chain.adjoint(&r, mix.as_ref(), true).unwrap();
+            let v = light(sums.len(), 32);
+            let product = |a: &[[f64; 3]], b: &[[f64; 3]]| -> f64 {
+                a.as_flattened().iter().zip(b.as_flattened()).map(|(a, b)| a * b).sum()
+            };
+            let (left, right) = (product(&oracle(&v), &r), product(&v, &sums));
+            let size: f64 = product(
+                &sums.iter().map(|x| x.map(f64::abs)).collect::<Light>(),
+                &v.iter().map(|x| x.map(f64::abs)).collect::<Light>(),
+            );
+            // Truncated forms are off their oracle by what truncation took.
+            let allowed = if name.contains("truncated") || name.contains("glossy") { 0.1 } else { 1e-6 };
+            assert!((left - right).abs() <= allowed * size, "{name}, {space}: {left} and {right}");
+            assert!(chain.adjoint(&r[1..], mix.as_ref(), true).is_err());
         }
     }
 }

@@ -20,6 +20,8 @@ from .._core import Behind, FileError
 from .._core import Transport as CoreTransport
 from ..camera import Camera
 from ..columns.haar import Haar
+from ..columns.inner import AnyColumns, parse_any
+from ..columns.lamps import Lamps
 from ..mistakes import checked_path, described, instead_of, refuse_kind, refuse_missing
 from ..plain import MOST_TEXT, read_plain
 from ..progress import Progress
@@ -32,7 +34,7 @@ from .matrix import Matrix
 from .mesh import save_mesh
 from .plan import Plan, Solve
 from .receivers import Pixels, Receivers, Vertices, of_table
-from .seen import Seen
+from .seen import Seen, Shares
 from .views import Views
 
 if TYPE_CHECKING:
@@ -194,6 +196,18 @@ class Transport(Matrix):
             raise ValueError(f"expected a transport of pixels for a picture, but its rows are {self.receivers.kind}")
         return self.receivers
 
+    @cached_property
+    def columns(self) -> AnyColumns:
+        """The basis that V is measured in; FileError where the file's lamps are none."""
+        columns = parse_any(self._core.columns)
+        # Of what was made in memory only the number of lamps is known.
+        if not isinstance(columns, Lamps) or self._path is None:
+            return columns
+        try:
+            return Lamps.restored(columns.columns, self._core.beside("lamps") or {})
+        except ValueError as error:
+            raise FileError(f"lamps.safetensors: {error}") from None
+
     def coefficients(self, env: Environment, peaks: int | None = None) -> NDArray[np.float64]:
         """V: an environment in the columns of M.
 
@@ -286,6 +300,27 @@ class Transport(Matrix):
             return self._views.seen(self.camera if camera is None else camera, self._response(B))
         values = self._response(B)
         return Seen(self.pixels, values, self._glow)
+
+    def shares(self, camera: Camera | None = None) -> Shares:
+        """What pixels show of each row: the linear map from responses to pictures on black, with its transpose.
+
+        Parameters
+        ----------
+        camera
+            Of vertices; None: that of the transport, which pixels have no other than.
+
+        Returns
+        -------
+        Shares
+
+        Raises
+        ------
+        ValueError
+            If the rows are neither pixels nor vertices, the file names no camera, or vertices have factors of lobes.
+        """
+        if camera is not None or self.receivers.kind == "vertices":
+            return self._views.shares(self.camera if camera is None else camera, self.shape[0])
+        return Shares(self.pixels.image_shape, self.shape[0], self.pixels, None, None)
 
     def _response(self, B: ArrayLike) -> NDArray[np.float32]:
         """B with the light that does not move."""

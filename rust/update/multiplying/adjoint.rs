@@ -54,10 +54,11 @@ impl Gridded {
     }
 }
 
-/// M^T R, of a matrix of as many rows: one triple a column.
-pub(in crate::update) fn adjoint(matrix: &TransportMatrix, r: &Gridded) -> Vec<[f64; 3]> {
-    let [high, low] = if matrix.bands.texels > 0 { parts(&r.groups) } else { [Vec::new(), Vec::new()] };
-    let mut totals = vec![[0; 3]; matrix.bands.columns()];
+/// M^T R, of a matrix of as many rows: one triple a column, of texels only where they are asked for.
+pub(in crate::update) fn adjoint(matrix: &TransportMatrix, r: &Gridded, texels: bool) -> Vec<[f64; 3]> {
+    let columns = if texels { matrix.bands.columns() } else { matrix.bands.stored() };
+    let [high, low] = if columns > matrix.bands.stored() { parts(&r.groups) } else { [Vec::new(), Vec::new()] };
+    let mut totals = vec![[0; 3]; columns];
     let a_tile = (matrix.tile_rows / GROUP).max(1);
     totals.par_chunks_mut(COLUMNS).enumerate().for_each(|(chunk, totals)| {
         let columns = chunk * COLUMNS..chunk * COLUMNS + totals.len();
