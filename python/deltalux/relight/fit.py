@@ -145,10 +145,12 @@ def fit_light(
     found = solve(
         problem, light.start(start), steepest, gap * scale, iterations, lambda done: tell(done, iterations)
     )
-    tell(iterations, iterations)
     given = shares.picture(transport.multiply(light.values(found.x), dtype=np.float64))
     missed = float((seen.counts * (given - asked) ** 2).sum())
     left = max(found.objective - found.bound, 0.0) / scale
+    # Of what was interrupted no bar says that it is done.
+    if left <= gap or found.iterations >= iterations:
+        tell(iterations, iterations)
     return LightFit(
         values=light.values(found.x),
         objective=found.objective,
