@@ -35,6 +35,7 @@ from .mesh import save_mesh
 from .plan import Plan, Solve
 from .receivers import Pixels, Receivers, Vertices, of_table
 from .seen import Seen, Shares
+from .stack import write_stack
 from .views import Views
 
 if TYPE_CHECKING:
@@ -99,6 +100,63 @@ class Transport(Matrix):
             If a file cannot be read.
         """
         return Transport(path)
+
+    @staticmethod
+    def from_images(
+        images: Any,
+        lights: Any,
+        path: str | os.PathLike[str],
+        *,
+        mask: ArrayLike | str | os.PathLike[str] | None = None,
+        intensities: ArrayLike | None = None,
+        reach: float | None = None,
+        camera: Camera | None = None,
+        progress: bool | Progress = True,
+    ) -> Transport:
+        """The transport that pictures of one view hold, each taken under one lamp or one group of lights.
+
+        Columns are the lights (`Lamps`): an environment is shared out between lamps by their directions, a group's
+        number in V is its gain. All light that a picture holds is in M, shadows, gloss and what has bounced.
+
+        Parameters
+        ----------
+        images
+            (n, height, width, 3) or (n, height, width) linear floats, or a sequence of such or of files, which are made
+            linear as `Environment.load` does. One file where `lights` names its layers or parts (EXR). None where a
+            list of lights names the pictures.
+        lights
+            (n, 3) directions towards the lamps; `Lamps`; names of groups; or a text file: a number, then a line for each
+            light with its direction, behind the name of its picture in RTI's .lp.
+        path
+            Directory to make, by custom ``NAME.transport``.
+        mask
+            (height, width), or a picture: where False or dark, no surface is seen. None: all of it is surface.
+        intensities
+            (n,) or (n, 3): the irradiance of a surface that faces each lamp, or what pictures of groups are divided by;
+            None: 1.
+        reach
+            As for `Lamps`, degrees.
+        camera
+            The one that took them. None: one that looks along -z, as light stacks are measured.
+        progress
+            As for `precompute`.
+
+        Returns
+        -------
+        Transport
+            Opened from `path`: of three channels, or of one where all pictures are grey. What surfaces are is not known:
+            albedos are 1, places and normals 0.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If an argument cannot be used, or the pictures are not of one size.
+        OSError
+            If a file cannot be read or written.
+        """
+        checked_path(path)
+        write_stack(images, lights, path, mask, intensities, reach, camera, progress)
+        return Transport.open(path)
 
     def __reduce__(self) -> tuple[Any, ...]:
         if self._path is None:
