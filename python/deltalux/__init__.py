@@ -17,11 +17,12 @@ from .precomputation import views as _views  # noqa: F401, transports are told o
 from .precomputation.curves import precompute_curves
 from .precomputation.run import plan, precompute
 from .precomputation.studio import precompute_studio
+from .relight import gradients
 from .relight.backdrop import Backdrop
 from .relight.bound import Bound
-from .relight import gradients
 from .relight.compare import Comparison, compare
 from .relight.fit import LightFit, fit_light
+from .relight.layers import save_layers
 from .relight.relighter import Frame, Relighter
 from .scene.scene import Scene
 from .surface.material import Material
@@ -83,6 +84,7 @@ __all__ = [
     "precompute",
     "precompute_curves",
     "precompute_studio",
+    "save_layers",
     "sequences",
     "set_threads",
     "threads",

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 PAIRS = [*((form, "haar:8") for form in FORMS), ("i16", "sh:8"), ("nodes", "sh:8")]
-# What lies between the stages of these is rounded to the second one's grid, however few bits V has: it has at least 20 bits
-# of what the light may grow to, which is up to 2^7 of what it is.
+# What lies between the stages of these is rounded to the second one's grid, however few bits V has: it has at least 20
+# bits of what the light may grow to, which is up to 2^7 of what it is.
 ROUNDED = {"tree", "representatives", "clustered"}
 
 

@@ -62,7 +62,9 @@ def test_bounds_hold_and_are_met(tolled, seed, negative):
     ).fun  # fmt: skip
     bounds = []
     for iterations in (1, 3, 10, 30, 5000):
-        found = solve(problem, np.zeros(20), curvature(problem.normal, problem.target), 1e-9, iterations, lambda _: None)
+        found = solve(
+            problem, np.zeros(20), curvature(problem.normal, problem.target), 1e-9, iterations, lambda _: None
+        )
         assert (found.x >= 0).all() and np.isclose(found.objective, objective(found.x), rtol=1e-9)
         assert found.bound <= best + 1e-12 <= found.objective + 2e-9
         bounds.append(found.bound)
@@ -70,7 +72,7 @@ def test_bounds_hold_and_are_met(tolled, seed, negative):
 
 
 def test_a_known_light_is_recovered_within_its_certificate(cornell, shares, hall, picture):
-    """Where the prior is the light itself, the least objective is 0: half the square of what is missed is in the gap."""
+    """Where the prior is the light itself, the least objective is 0: half the square that is missed is in the gap."""
     fit = dl.fit_light(cornell, picture, prior=hall, strength=0.01, gap=1e-6, progress=False)
     counts = (shares.samples.background == 0)[..., None]
     scale = 0.5 * ((counts * picture.astype(np.float64)) ** 2).sum()

@@ -139,7 +139,7 @@ class Lamps:
     @cached_property
     def solid_angles(self) -> NDArray[np.float64]:
         """What of the sphere each lamp stands for, steradians: (columns,); ValueError of groups."""
-        return self._matrix.sum(axis=1)
+        return np.asarray(self._matrix.sum(axis=1))
 
     @property
     def covered(self) -> float:
@@ -194,11 +194,19 @@ class Lamps:
 
     def _lamps(self) -> NDArray[np.float64]:
         if self.directions is None:
-            raise ValueError("expected lamps with directions to share light out between, but these are groups: V is gains")
+            raise ValueError(
+                "expected lamps with directions to share light out between, but these are groups: V is gains"
+            )
         return self.directions
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """As a transport keeps them beside M."""
+        """As a transport keeps them beside M.
+
+        Returns
+        -------
+        dict
+            Arrays of float64 and uint32 by their names.
+        """
         arrays: dict[str, NDArray[Any]] = {}
         if self.directions is not None:
             arrays |= {"directions": self.directions, "reach": np.array([np.radians(self.reach or 0.0)])}
@@ -250,7 +258,7 @@ def _unit(directions: ArrayLike) -> NDArray[np.float64]:
     lengths = np.linalg.norm(array, axis=1, keepdims=True)
     if not (np.isfinite(array).all() and (lengths > 0).all()):
         raise ValueError("expected finite directions that are not zero")
-    return array / lengths
+    return np.asarray(array / lengths)
 
 
 def _reach(directions: NDArray[np.float64], reach: float | None) -> float:
@@ -259,7 +267,9 @@ def _reach(directions: NDArray[np.float64], reach: float | None) -> float:
     np.fill_diagonal(cosines, -1.0)
     next_to = np.degrees(np.arccos(np.clip(cosines.max(axis=1), -1, 1)))
     if len(directions) > 1 and next_to.min() < 1e-3:
-        raise ValueError(f"expected lamps in different places, but lamp {int(next_to.argmin())} stands where another does")
+        raise ValueError(
+            f"expected lamps in different places, but lamp {int(next_to.argmin())} stands where another does"
+        )
     if reach is None:
         return float(min(2 * next_to.max(), 180.0)) if len(directions) > 1 else 180.0
     if not 0 < reach <= 180:

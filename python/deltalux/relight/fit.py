@@ -142,9 +142,7 @@ def fit_light(
     steepest = curvature(seen.normal, pulled)
     problem = _problem(seen, pulled, energy, steepest, prior, charged)
     scale = 0.5 * energy
-    found = solve(
-        problem, light.start(start), steepest, gap * scale, iterations, lambda done: tell(done, iterations)
-    )
+    found = solve(problem, light.start(start), steepest, gap * scale, iterations, lambda done: tell(done, iterations))
     given = shares.picture(transport.multiply(light.values(found.x), dtype=np.float64))
     missed = float((seen.counts * (given - asked) ** 2).sum())
     left = max(found.objective - found.bound, 0.0) / scale
@@ -187,7 +185,7 @@ class _Texels:
         return np.asarray(texels.reshape(-1, 3) * self._roots)
 
     def of(self, env: Environment) -> _Array:
-        return np.asarray(env.cubemap(self._columns.size).reshape(-1, 3) * self._roots)
+        return np.asarray(env.cubemap(self._columns.size).reshape(-1, 3) * self._roots, np.float64)
 
     def start(self, start: LightFit | Environment | ArrayLike | None) -> _Array:
         if isinstance(start, Environment):
@@ -306,7 +304,7 @@ def _counting(shares: Shares, mask: ArrayLike | None, weights: ArrayLike | None)
         if array.shape != shares.image_shape or not (np.isfinite(array) & (array >= 0)).all():
             raise ValueError(f"expected {name} of shape {shares.image_shape}, finite and not negative")
         counts *= array > 0 if name == "mask" else array
-    return counts[..., None]
+    return np.asarray(counts[..., None])
 
 
 def _standing(transport: Transport, camera: Camera | None) -> NDArray[np.float32]:

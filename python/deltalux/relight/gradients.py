@@ -1,11 +1,12 @@
 """M for what learns: the product as a function that knows its own gradient, with neither torch nor JAX needed here.
 
-The product is linear: its gradient by V is the transpose, `Transport.adjoint`, whatever V is. `Response` and `Picture` are
-the function and its transpose in numpy; `torch` and `jax` make of either a function for those.
+The product is linear: its gradient by V is the transpose, `Transport.adjoint`, whatever V is. `Response` and `Picture`
+are the function and its transpose in numpy; `torch` and `jax` make of either a function for those.
 """
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Callable
 from typing import Any, Protocol
 
@@ -16,19 +17,21 @@ from ..camera import Camera
 from ..mistakes import instead_of
 from ..transport.transport import Transport
 
-__all__ = ["Linear", "Picture", "Response", "jax", "torch"]
+__all__ = ["Picture", "Response", "jax", "torch"]
 
 
-class Linear(Protocol):
+class _Linear(Protocol):
     """A linear function of V, and its transpose."""
 
     shape: tuple[int, ...]
 
     def forward(self, V: ArrayLike) -> NDArray[np.float64]:
         """What V, (columns, 3), gives."""
+        raise NotImplementedError
 
     def backward(self, numbers: ArrayLike) -> NDArray[np.float64]:
         """The gradient by V, (columns, 3), of the sum of numbers times what V gives."""
+        raise NotImplementedError
 
 
 class Response:
@@ -168,7 +171,7 @@ class Picture:
         return self._response.backward(self._shares.back(np.asarray(numbers, np.float64)))
 
 
-def torch(linear: Linear) -> Callable[[Any], Any]:
+def torch(linear: _Linear) -> Callable[[Any], Any]:
     """A function of torch tensors that backpropagates.
 
     Parameters
@@ -186,27 +189,27 @@ def torch(linear: Linear) -> Callable[[Any], Any]:
     ModuleNotFoundError
         If torch is not installed.
     """
-    import torch as library
+    library: Any = importlib.import_module("torch")
 
     def through(map_: Callable[[ArrayLike], NDArray[np.float64]], tensor: Any) -> Any:
         found = map_(tensor.detach().cpu().numpy())
         return library.from_numpy(found).to(dtype=tensor.dtype, device=tensor.device)
 
-    class Function(library.autograd.Function):  # type: ignore[misc, unused-ignore]
-        @staticmethod
-        def forward(ctx: Any, V: Any) -> Any:
-            return through(linear.forward, V)
+    def ahead(context: Any, V: Any) -> Any:
+        return through(linear.forward, V)
 
-        @staticmethod
-        @library.autograd.function.once_differentiable
-        def backward(ctx: Any, numbers: Any) -> Any:
-            return through(linear.backward, numbers)
+    def back(context: Any, numbers: Any) -> Any:
+        return through(linear.backward, numbers)
 
-    applied: Callable[[Any], Any] = Function.apply
+    # Made here, as its base is torch's.
+    once = library.autograd.function.once_differentiable(back)
+    parts = {"forward": staticmethod(ahead), "backward": staticmethod(once)}
+    function: Any = type("Linear", (library.autograd.Function,), parts)
+    applied: Callable[[Any], Any] = function.apply
     return applied
 
 
-def jax(linear: Linear) -> Callable[[Any], Any]:
+def jax(linear: _Linear) -> Callable[[Any], Any]:
     """A function of JAX arrays that has a gradient, under `jit` too.
 
     Parameters
@@ -224,16 +227,17 @@ def jax(linear: Linear) -> Callable[[Any], Any]:
     ModuleNotFoundError
         If JAX is not installed.
     """
-    import jax as library
+    library: Any = importlib.import_module("jax")
 
     def called(map_: Callable[[ArrayLike], NDArray[np.float64]], array: Any, shape: tuple[int, ...]) -> Any:
         result = library.ShapeDtypeStruct(shape, array.dtype)
         found = lambda x: map_(np.asarray(x)).astype(array.dtype)  # noqa: E731, it is what is called back
         return library.pure_callback(found, result, array, vmap_method="sequential")
 
-    @library.custom_vjp  # type: ignore[untyped-decorator, unused-ignore]
-    def function(V: Any) -> Any:
+    def product(V: Any) -> Any:
         return called(linear.forward, V, linear.shape)
+
+    function = library.custom_vjp(product)
 
     def ahead(V: Any) -> tuple[Any, Any]:
         return function(V), V

@@ -2,8 +2,8 @@
 
     F(x) = 1/2 |A x - b|^2 + sum toll x,  x >= 0
 
-By accelerated projected gradients that start anew where they overshoot (Nesterov 1983; O'Donoghue and Candes 2015, their
-gradient rule).
+By accelerated projected gradients that start anew where they overshoot (Nesterov 1983; O'Donoghue and Candes 2015, by
+their gradient rule).
 """
 
 from __future__ import annotations
@@ -55,13 +55,11 @@ class Problem:
         return _dot(x, image) - 2 * _dot(x, self.target) + self.energy
 
 
-def convex_shortfall(
-    least: float, solved: Callable[[_Array], float]
-) -> Callable[[Problem, _Array, _Array], float]:
+def convex_shortfall(least: float, solved: Callable[[_Array], float]) -> Callable[[Problem, _Array, _Array], float]:
     """Where A^T A has a part P that can be solved for: by strong convexity.
 
-    With g the gradient at x, every z >= 0 has F(z) >= F(x) + g (z - x) + 1/2 (z - x) P (z - x). Where g_j > 0, its term is at
-    least -g_j x_j, which is taken where x_j is small; of the others, r, the least of all z is -1/2 r P^-1 r.
+    With g the gradient at x, every z >= 0 has F(z) >= F(x) + g (z - x) + 1/2 (z - x) P (z - x). Where g_j > 0, its term
+    is at least -g_j x_j, which is taken where x_j is small; of the others, r, the least of all z is -1/2 r P^-1 r.
 
     Parameters
     ----------

@@ -39,7 +39,7 @@ class Seen:
 
 @dataclass(frozen=True)
 class Shares:
-    """What the pixels of a picture show of each row: the linear map from responses to pictures on black, and its transpose.
+    """What pixels show of each row: the linear map from responses to pictures on black, and its transpose.
 
     Attributes
     ----------
@@ -63,11 +63,15 @@ class Shares:
 
     @cached_property
     def _colours(self) -> NDArray[np.float64]:
-        return self.samples.weight[:, None] * self.samples.albedo.astype(np.float64)
+        return np.asarray(self.samples.weight[:, None] * self.samples.albedo, np.float64)
 
     def picture(self, B: NDArray[np.floating]) -> NDArray[np.float64]:
         """The picture of a response, (height, width, 3), without what surfaces give off themselves."""
-        taken = B if self.corners is None or self.weights is None else np.einsum("sk,skc->sc", self.weights, B[self.corners])
+        taken = (
+            B
+            if self.corners is None or self.weights is None
+            else np.einsum("sk,skc->sc", self.weights, B[self.corners])
+        )
         values = taken * self._colours
         return _summed(self.samples.pixel, values, int(np.prod(self.image_shape))).reshape(*self.image_shape, 3)
 
@@ -81,4 +85,4 @@ class Shares:
 
 
 def _summed(place: NDArray[np.integer], values: NDArray[np.float64], length: int) -> NDArray[np.float64]:
-    return np.stack([np.bincount(place, own, length) for own in values.T], -1)
+    return np.stack([np.bincount(place, own, length) for own in values.T], -1).astype(np.float64)

@@ -99,7 +99,7 @@ def write_stack(
         stack[:, column] = (picture.reshape(-1, 3)[rows] / scale)[:, :channels]
     longest = float(np.sqrt(np.square(stack).sum(axis=1).max()))
     quantum = max(int(np.ceil(np.log2(longest))) - _SPAN if longest > 0 else 0, _SMALLEST)
-    digest = hashlib.blake2b(np.ascontiguousarray(stack), digest_size=16)
+    digest = hashlib.blake2b(stack.tobytes(), digest_size=16)
     digest.update(rows.tobytes())
     writer = TransportWriter(path, json.dumps({"stack": digest.hexdigest()}))
     _write_tiles(writer, stack, str(columns), quantum)
@@ -155,7 +155,9 @@ def _picture(image: Any, layer: str | None) -> _Picture:
     if isinstance(image, (str, os.PathLike)):
         name, (image, _) = os.fspath(image), load_image(image, layer)
     elif np.asarray(image).dtype.kind in "iu":
-        raise ValueError("expected linear floats in an array; pictures in files of 8 bits are made linear as they are read")
+        raise ValueError(
+            "expected linear floats in an array; pictures in files of 8 bits are made linear as they are read"
+        )
     array = real_array(name, image, np.float64)
     if array.ndim == 2:
         array = np.repeat(array[..., None], 3, axis=2)

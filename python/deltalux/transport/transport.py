@@ -125,8 +125,8 @@ class Transport(Matrix):
             linear as `Environment.load` does. One file where `lights` names its layers or parts (EXR). None where a
             list of lights names the pictures.
         lights
-            (n, 3) directions towards the lamps; `Lamps`; names of groups; or a text file: a number, then a line for each
-            light with its direction, behind the name of its picture in RTI's .lp.
+            (n, 3) directions towards the lamps; `Lamps`; names of groups; or a text file: a number, then a line for
+            each light with its direction, behind the name of its picture in RTI's .lp.
         path
             Directory to make, by custom ``NAME.transport``.
         mask
@@ -144,8 +144,8 @@ class Transport(Matrix):
         Returns
         -------
         Transport
-            Opened from `path`: of three channels, or of one where all pictures are grey. What surfaces are is not known:
-            albedos are 1, places and normals 0.
+            Opened from `path`: of three channels, or of one where all pictures are grey. What surfaces are is not
+            known: albedos are 1, places and normals 0.
 
         Raises
         ------
@@ -491,10 +491,27 @@ class Transport(Matrix):
         """
         if not -_STOPS <= exposure <= _STOPS:
             raise ValueError(f"expected an exposure from -{_STOPS} to {_STOPS} stops, got {exposure}")
-        colours, receivers, views = self.colours(B), self.receivers, self._views
-        # What lies inside something has no normal of its own.
+        position, normal, triangles = self.mesh()
+        save_mesh(path, position, normal, triangles, np.float32(2.0**exposure) * self.colours(B))
+
+    def mesh(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.uint32]]:
+        """The mesh that the rows are vertices of.
+
+        Returns
+        -------
+        positions, normals : (vertices, 3) float32
+            World coordinates, and unit normals; what lies inside something has that of its neighbour.
+        triangles : (n, 3) uint32
+            Of each side that lies open.
+
+        Raises
+        ------
+        ValueError
+            If the rows are no vertices.
+        """
+        views, receivers = self._views, self.receivers
         normal = receivers.normal[views.shown]
-        save_mesh(path, receivers.position[: len(normal)], normal, views.triangles, np.float32(2.0**exposure) * colours)
+        return receivers.position[: len(normal)], normal, views.triangles
 
     @cached_property
     def surface(self) -> Surface:
