@@ -246,7 +246,7 @@ class Lamps:
 
 
 def _text(letters: NDArray[Any] | None) -> str:
-    if letters is None or letters.ndim != 1 or (letters > 0x10FFFF).any():
+    if letters is None or letters.dtype != np.uint32 or letters.ndim != 1 or (letters > 0x10FFFF).any():
         raise ValueError("expected the name of each lamp in code points")
     return "".join(map(chr, letters.tolist()))
 
