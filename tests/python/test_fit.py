@@ -149,6 +149,10 @@ def test_what_cannot_be_fitted_is_refused(cornell, picture):
         dl.fit_light(cornell, picture, strength=0)
     with pytest.raises(ValueError, match="expected weights"):
         dl.fit_light(cornell, picture, weights=-np.ones((24, 24)))
+    with pytest.raises(ValueError, match="to begin with"):
+        dl.fit_light(cornell, picture, start=np.zeros((3, 3)))
+    with pytest.raises(ValueError, match="expected gap"):
+        dl.fit_light(cornell, picture, gap=-1)
     with pytest.raises(ValueError, match="dark one"):
         dl.fit_light(cornell, 0 * picture)
     with pytest.raises(TypeError, match="expected a Transport"):

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._core import haar_inverse, haar_without_texels
 from ..camera import Camera
-from ..checks import count, real_array
+from ..checks import amount, count, real_array
 from ..columns.haar import Haar
 from ..columns.lamps import Lamps
 from ..light.environment import Environment
@@ -80,7 +80,7 @@ def fit_light(
     weights: ArrayLike | None = None,
     start: LightFit | Environment | ArrayLike | None = None,
     camera: Camera | None = None,
-    gap: float = 1e-3,
+    gap: float = 1e-4,
     iterations: int = 1000,
     progress: bool | Progress = True,
 ) -> LightFit:
@@ -141,8 +141,8 @@ def fit_light(
     iterations, tell = count("iterations", iterations), reporter(progress, "fitting light")
     steepest = curvature(seen.normal, pulled)
     problem = _problem(seen, pulled, energy, steepest, prior, charged)
-    scale = 0.5 * energy
-    found = solve(problem, light.start(start), steepest, gap * scale, iterations, lambda done: tell(done, iterations))
+    scale, begin = 0.5 * energy, light.start(start)
+    found = solve(problem, begin, steepest, amount("gap", gap) * scale, iterations, lambda done: tell(done, iterations))
     given = shares.picture(transport.multiply(light.values(found.x), dtype=np.float64))
     missed = float((seen.counts * (given - asked) ** 2).sum())
     left = max(found.objective - found.bound, 0.0) / scale
@@ -190,7 +190,9 @@ class _Texels:
     def start(self, start: LightFit | Environment | ArrayLike | None) -> _Array:
         if isinstance(start, Environment):
             return self.of(start)
-        return np.zeros((self.count, 3)) if start is None else self.back(self._columns.without_texels(_of_fit(start)))
+        if start is None:
+            return np.zeros((self.count, 3))
+        return self.back(self._columns.without_texels(_of_fit(start, self._columns.columns)))
 
     def texels(self, x: _Array) -> NDArray[np.float32] | None:
         size = self._columns.size
@@ -215,14 +217,17 @@ class _Lamps:
     def start(self, start: LightFit | Environment | ArrayLike | None) -> _Array:
         if isinstance(start, Environment):
             return self.of(start)
-        return np.zeros((self.count, 3)) if start is None else _of_fit(start)
+        return np.zeros((self.count, 3)) if start is None else _of_fit(start, self.count)
 
     def texels(self, x: _Array) -> None:
         return None
 
 
-def _of_fit(start: LightFit | ArrayLike) -> _Array:
-    return np.ascontiguousarray(start.values if isinstance(start, LightFit) else start, np.float64)
+def _of_fit(start: LightFit | ArrayLike, columns: int) -> _Array:
+    V = np.ascontiguousarray(start.values if isinstance(start, LightFit) else start, np.float64)
+    if V.shape != (columns, 3):
+        raise ValueError(f"expected a light of shape ({columns}, 3) to begin with, got {V.shape}")
+    return V
 
 
 def _domain(transport: Transport) -> _Texels | _Lamps:

@@ -32,11 +32,12 @@ pub(in crate::update) struct Gridded {
 impl Gridded {
     /// Refuses what is not finite, and sizes far beyond any light.
     pub fn new(rows: &[[f64; 3]]) -> Result<Gridded> {
-        let largest =
-            rows.as_flattened().iter().fold(0.0, |most: f64, x| if x.is_nan() { f64::NAN } else { most.max(x.abs()) });
-        if !(largest < power_of_two(*SPACINGS.end())) {
+        let (numbers, limit) = (rows.as_flattened(), power_of_two(*SPACINGS.end()));
+        // What is not a number is below nothing.
+        if !numbers.iter().all(|x| x.abs() < limit) {
             return Err(Error::input("expected finite numbers of sane size for the rows"));
         }
+        let largest = numbers.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
         let exponent = exponent_above(largest) - BITS;
         let units = power_of_two(-exponent);
         let group = |rows: &[[f64; 3]]| {
