@@ -7,7 +7,7 @@ from . import brdf as brdf
 from ._core import FileError, __version__, set_threads, threads
 from .brdf.family import Family
 from .camera import Camera
-from .columns import Haar, SphericalHarmonics
+from .columns import Haar, Lamps, SphericalHarmonics
 from .edit import BrdfEditor, EditedFrame, NeedsPrecompute, StaleTransport, Studio, StudioFrame
 from .io import write
 from .light import sequences
@@ -17,9 +17,12 @@ from .precomputation import views as _views  # noqa: F401, transports are told o
 from .precomputation.curves import precompute_curves
 from .precomputation.run import plan, precompute
 from .precomputation.studio import precompute_studio
+from .relight import gradients
 from .relight.backdrop import Backdrop
 from .relight.bound import Bound
 from .relight.compare import Comparison, compare
+from .relight.fit import LightFit, fit_light
+from .relight.layers import save_layers
 from .relight.relighter import Frame, Relighter
 from .scene.scene import Scene
 from .surface.material import Material
@@ -51,6 +54,8 @@ __all__ = [
     "Haar",
     "HarmonicOrder",
     "Incremental",
+    "Lamps",
+    "LightFit",
     "Linear",
     "Material",
     "Method",
@@ -73,10 +78,13 @@ __all__ = [
     "View",
     "__version__",
     "compare",
+    "fit_light",
+    "gradients",
     "plan",
     "precompute",
     "precompute_curves",
     "precompute_studio",
+    "save_layers",
     "sequences",
     "set_threads",
     "threads",

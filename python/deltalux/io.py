@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from numbers import Real
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ from .images.oiio import library, reason
 from .images.reading import load_image
 from .mistakes import checked_path, described
 
-__all__ = ["TONES", "auto_exposure", "load_image", "magnification", "save_image", "to_display", "write"]
+__all__ = ["TONES", "auto_exposure", "load_image", "magnification", "save_image", "save_parts", "to_display", "write"]
 
 TONES = ("srgb", "agx")
 """Curves from radiance to a display."""
@@ -119,17 +119,57 @@ def save_image(
     for key, value in (attributes or {}).items():
         spec.attribute(key, value)
 
-    # Beside the target, so that the renaming stays within one file system; the suffix chooses the format.
+    _publish(target, [(spec, pixels)])
+
+
+def save_parts(path: str | os.PathLike[str], parts: Sequence[tuple[str, Sequence[str], NDArray[Any], str]]) -> None:
+    """Write a multi-part EXR of linear numbers; an existing file is replaced only once the new one is whole.
+
+    Parameters
+    ----------
+    path
+        ``.exr``
+    parts
+        Of each its name, those of its channels, pixels (h, w, channels), and ``"float"`` or ``"half"``.
+
+    Raises
+    ------
+    OSError
+        The file cannot be written (no permission, disk full).
+    FileNotFoundError
+        There is no such directory.
+    """
+    oiio, images = library(), []
+    for name, channels, pixels, number in parts:
+        height, width = pixels.shape[:2]
+        spec = oiio.ImageSpec(width, height, len(channels), number)
+        spec.channelnames = tuple(channels)
+        spec.attribute("compression", _FAST["compression"])
+        spec.attribute("oiio:subimagename", name)
+        spec.attribute("oiio:ColorSpace", "lin_rec709_scene")
+        spec.attribute("software", "deltalux")
+        images.append((spec, np.ascontiguousarray(pixels, np.float32)))
+    _publish(Path(path), images)
+
+
+def _publish(target: Path, images: Sequence[tuple[Any, NDArray[Any]]]) -> None:
+    """Writes the parts of a file beside the target, so that the renaming stays within one file system; the suffix
+    chooses the format."""
     if not target.parent.is_dir():
         raise FileNotFoundError(f"expected a directory to write {target.name} into, but {target.parent} does not exist")
+    oiio = library()
     beside = target.with_name(f".{target.stem}.tmp-{os.getpid()}{target.suffix}")
     try:
         with open(beside, "wb"):
             pass  # As for reading: the system's own reason.
         writer = oiio.ImageOutput.create(str(beside))
-        if writer is None or not writer.open(str(beside), spec):
+        specs = [spec for spec, _ in images]
+        if writer is None or not writer.open(str(beside), specs[0] if len(specs) == 1 else specs):
             raise OSError(f"{target}: cannot be written ({reason(writer.geterror() if writer else oiio.geterror())})")
-        written = writer.write_image(pixels)
+        written = True
+        for number, (spec, pixels) in enumerate(images):
+            written = written and (number == 0 or writer.open(str(beside), spec, "AppendSubimage"))
+            written = written and writer.write_image(pixels)
         failure = writer.geterror()
         if not (writer.close() and written):
             raise OSError(f"{target}: cannot be written ({reason(failure or writer.geterror())})")

@@ -53,6 +53,12 @@ pub enum ColumnSpace {
         /// Representatives of each cluster, besides its mean.
         each: usize,
     },
+    /// So many lamps or groups of lights, each a function of its own: what one-light-at-a-time pictures are taken under. One
+    /// band.
+    Lamps {
+        /// How many.
+        count: usize,
+    },
     /// Daubechies-4 wavelets of BRDF curves of 256 samples (`basis/daubechies4.rs`), once for each of so many factors that a
     /// curve may be multiplied by (of Fresnel's reflectance, `brdf/curve.rs`).
     ///
@@ -190,6 +196,18 @@ impl ColumnSpace {
         }
     }
 
+    /// The most lamps.
+    pub const MAX_LAMPS: usize = 1 << 16;
+
+    /// The space of so many lamps; refuses counts outside 1 to `MAX_LAMPS`.
+    pub fn lamps(count: usize) -> Result<Self> {
+        if (1..=Self::MAX_LAMPS).contains(&count) {
+            Ok(ColumnSpace::Lamps { count })
+        } else {
+            Err(Error::input(format!("expected 1 to {} lamps, got {count}", Self::MAX_LAMPS)))
+        }
+    }
+
     /// The most factors of curves.
     pub const MAX_FACTORS: usize = 16;
 
@@ -220,6 +238,7 @@ impl ColumnSpace {
             ColumnSpace::HaarTexels { size } => 12 * size * size,
             ColumnSpace::SphericalHarmonics { order } => order * order,
             ColumnSpace::Daubechies4 { factors } => factors * CURVE,
+            ColumnSpace::Lamps { count } => count,
         }
     }
 
@@ -241,6 +260,9 @@ impl ColumnSpace {
                 let mut starts = vec![0, clusters];
                 starts.extend((each > 0).then(|| self.columns()));
                 Bands { starts, areas: vec![1.0; self.columns()], always: clusters, texels: 0 }
+            }
+            ColumnSpace::Lamps { count } => {
+                Bands { starts: vec![0, count], areas: vec![1.0; count], always: 0, texels: 0 }
             }
             ColumnSpace::HaarTexels { size } => {
                 let mut bands = ColumnSpace::Haar { size }.bands();
@@ -296,6 +318,7 @@ impl fmt::Display for ColumnSpace {
             ColumnSpace::Tree { samples } => write!(f, "tree:{samples}"),
             ColumnSpace::Representatives { clusters, each } => write!(f, "representatives:{clusters}x{each}"),
             ColumnSpace::Daubechies4 { factors } => write!(f, "d4:{factors}"),
+            ColumnSpace::Lamps { count } => write!(f, "lamps:{count}"),
         }
     }
 }
@@ -303,7 +326,8 @@ impl fmt::Display for ColumnSpace {
 impl FromStr for ColumnSpace {
     type Err = Error;
 
-    /// Reads what `Display` writes: `haar:64`, `haar:64+texels`, `sh:20`, `tree:4096`, `representatives:398x25`, `d4:3`.
+    /// Reads what `Display` writes: `haar:64`, `haar:64+texels`, `sh:20`, `tree:4096`, `representatives:398x25`, `d4:3`,
+    /// `lamps:50`.
     fn from_str(text: &str) -> Result<Self> {
         let texels = text.strip_prefix("haar:").and_then(|rest| rest.strip_suffix("+texels")?.parse().ok());
         if let Some(size) = texels {
@@ -315,6 +339,7 @@ impl FromStr for ColumnSpace {
             ("haar", Ok(size), _) => ColumnSpace::haar(size),
             ("sh", Ok(order), _) => ColumnSpace::spherical_harmonics(order),
             ("d4", Ok(factors), _) => ColumnSpace::daubechies4(factors),
+            ("lamps", Ok(count), _) => ColumnSpace::lamps(count),
             ("tree", Ok(samples), _) => ColumnSpace::tree(samples),
             ("representatives", _, Some((clusters, each))) => ColumnSpace::representatives(clusters, each),
             _ => Err(Error::input(format!(

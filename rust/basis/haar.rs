@@ -124,12 +124,25 @@ impl Haar {
         all
     }
 
+    /// The transpose of `without_texels`: the wavelets, and behind them the texels that have these coefficients.
+    pub fn with_texels(&self, mut wavelets: Vec<[f64; 3]>) -> Vec<[f64; 3]> {
+        let texels: Vec<[f64; 3]> = (0..6).flat_map(|face| self.texels_of_face(face, &wavelets)).collect();
+        wavelets.extend(texels);
+        wavelets
+    }
+
     /// The radiance that has these coefficients: the inverse of `forward`.
     pub fn inverse(&self, coefficients: &[[f64; 3]]) -> Vec<[f64; 3]> {
         (0..6).flat_map(|face| self.inverse_face(face, coefficients)).collect()
     }
 
     fn inverse_face(&self, face: usize, coefficients: &[[f64; 3]]) -> Vec<[f64; 3]> {
+        let texels = self.texels_of_face(face, coefficients);
+        texels.iter().zip(&self.roots).map(|(texel, root)| texel.map(|value| value / root)).collect()
+    }
+
+    /// A face's texels in their own orthonormal basis: radiance times sqrt(dω).
+    fn texels_of_face(&self, face: usize, coefficients: &[[f64; 3]]) -> Vec<[f64; 3]> {
         let mut coarse = vec![coefficients[face]];
         for (level, weights) in self.weights.iter().enumerate() {
             let (side, blocks) = (1 << level, 1 << (2 * level));
@@ -146,7 +159,7 @@ impl Haar {
             }
             coarse = fine;
         }
-        coarse.iter().zip(&self.roots).map(|(texel, root)| texel.map(|value| value / root)).collect()
+        coarse
     }
 
     /// Cuts a coefficient vector into each face's own columns: the scaling function first, then level after level.

@@ -76,6 +76,22 @@ impl HaarTree {
         coefficients
     }
 
+    /// The transpose of `forward`: a number for each column in, one for each sample out.
+    pub fn backward(&self, coefficients: &[[f64; 3]]) -> Vec<[f64; 3]> {
+        assert_eq!(coefficients.len(), self.space().columns());
+        let mut scaling = vec![coefficients[0]];
+        for (level, turns) in self.turns.iter().enumerate() {
+            let wavelets = &coefficients[1 << level..2 << level];
+            // A turn is its own transpose.
+            let pairs = turns.iter().zip(scaling.iter().zip(wavelets)).flat_map(|([p, q], (s, d))| {
+                let part = |a: f64, b: f64| std::array::from_fn(|c| a * s[c] + b * d[c]);
+                [part(*p, *q), part(*q, -*p)]
+            });
+            scaling = pairs.collect();
+        }
+        scaling.iter().zip(&self.areas).map(|(value, area)| value.map(|x| x * area.sqrt())).collect()
+    }
+
     /// Of `N` rows at once, what they take of each sample: its coefficients, so that their product with those of values is the
     /// sum over samples. `rows` has a place for each sample, `out` one for each column.
     pub fn project<const N: usize>(&self, rows: &[[f32; N]], out: &mut [[f32; N]]) {

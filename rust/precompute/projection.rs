@@ -49,7 +49,10 @@ impl Projection {
                 factors: vec![(1.0 / PI) as f32; HARMONIC_FACE * HARMONIC_FACE],
                 areas: solid_angles(HARMONIC_FACE),
             },
-            ColumnSpace::Tree { .. } | ColumnSpace::Representatives { .. } | ColumnSpace::Daubechies4 { .. } => {
+            ColumnSpace::Tree { .. }
+            | ColumnSpace::Representatives { .. }
+            | ColumnSpace::Daubechies4 { .. }
+            | ColumnSpace::Lamps { .. } => {
                 return Err(Error::input(format!("expected columns that light is measured in, got {space}")));
             }
         })

@@ -5,12 +5,12 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::error::Error;
-use crate::transport::file::beside::{EMISSION, FILES, NODES, SCENE};
+use crate::transport::file::beside::{EMISSION, FILES, LAMPS, NODES, SCENE};
 use crate::transport::{Array, Beside, Numbers, Slab};
 
 /// The file that goes by a name.
 fn file_of(name: &str) -> PyResult<&'static str> {
-    let known = [("scene", SCENE), ("nodes", NODES), ("emission", EMISSION)];
+    let known = [("scene", SCENE), ("nodes", NODES), ("emission", EMISSION), ("lamps", LAMPS)];
     let found = known.into_iter().find(|(known, _)| *known == name);
     let refusal = || Error::input(format!("expected a name of what lies in {FILES:?}, got {name:?}"));
     Ok(found.ok_or_else(refusal)?.1)

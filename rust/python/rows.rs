@@ -377,6 +377,12 @@ impl Receivers {
         rows_of(py, &self.barycentric)
     }
 
+    /// Whether each row is on the back of its triangle, (rows,) bool.
+    #[getter]
+    fn back(&self, py: Python<'_>) -> Py<PyArray1<bool>> {
+        PyArray1::from_slice(py, &self.back).unbind()
+    }
+
     /// Of vertices: the rows of each of the user's triangles, in front and then behind, (t, 6) uint32; the largest number
     /// where there is none.
     #[getter]

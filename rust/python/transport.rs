@@ -7,7 +7,7 @@ use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
     PyReadonlyArrayDyn, PyUntypedArrayMethods,
 };
-use pyo3::exceptions::{PyIndexError, PyValueError};
+use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -299,7 +299,7 @@ impl Transport {
         Ok(self.file()?.manifest.files.iter().map(|entry| (entry.name.clone(), entry.bytes)).collect())
     }
 
-    /// What lies beside the product under a name, "scene", "nodes" or "emission": arrays by their names; None where nothing does.
+    /// What lies beside the product under a name, "scene", "nodes", "emission" or "lamps": arrays by their names; None where nothing does.
     fn beside<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Option<Bound<'py, PyDict>>> {
         arrays_beside(py, &self.file()?.beside, name)
     }
@@ -344,18 +344,24 @@ impl Transport {
         ))
     }
 
-    /// M^T y for y of (rows, k) float64: (columns, k) float64. With three channels k is 3, each colour by its own.
-    fn transpose_multiply(&self, py: Python<'_>, y: PyReadonlyArray2<'_, f64>) -> PyResult<Py<PyArray2<f64>>> {
-        let matrix = self.alone()?;
-        let (rows, k) = (y.shape()[0], y.shape()[1]);
-        if rows != matrix.rows || k == 0 || (matrix.channels == Channels::Three && k != 3) {
-            let wanted = if matrix.channels == Channels::Three { "3" } else { "k >= 1" };
-            let expected = matrix.rows;
-            return Err(PyValueError::new_err(format!("expected an array ({expected}, {wanted}), got ({rows}, {k})")));
-        }
-        let y: Vec<f64> = y.as_array().iter().copied().collect();
-        let product = compute(py, || Ok(matrix.transpose_multiply(&y, k)))?;
-        Ok(product.into_pyarray(py).reshape([matrix.bands.columns(), k])?.unbind())
+    /// M^T R for (k, rows, 3) float64: (k, columns, 3) float64. `mix`: (rows, factors) float32, where there are several. Of
+    /// texel columns only where `texels` asks for them, else 0.
+    #[pyo3(signature = (numbers, mix = None, texels = true))]
+    fn adjoint<'py>(
+        &self,
+        py: Python<'py>,
+        numbers: PyReadonlyArray3<'py, f64>,
+        mix: Option<PyReadonlyArray2<'py, f32>>,
+        texels: bool,
+    ) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let (rows, columns) = self.shape();
+        let (count, flat) = several(&numbers, rows)?;
+        let mix = mix.map(|mix| mix_of(&mix)).transpose()?;
+        let out = compute(py, || {
+            let each = flat.chunks(rows.max(1)).map(|r| self.chain.adjoint(r, mix.as_ref(), texels));
+            Ok(each.collect::<Result<Vec<_>>>()?.concat().into_flattened())
+        })?;
+        out.into_pyarray(py).reshape([count, columns, 3])
     }
 
     /// L2 norm of each column of the first stage, over all of its matrices, (columns,) float64.
@@ -445,17 +451,32 @@ impl Transport {
         mix: Option<PyReadonlyArray2<'py, f32>>,
     ) -> PyResult<Bound<'py, PyArray3<f32>>> {
         let (rows, columns) = self.shape();
-        let count = lights.shape()[0];
-        if lights.shape()[1..] != [columns, 3] {
-            let found = lights.shape();
-            return Err(Error::input(format!("expected lights of shape (k, {columns}, 3), got {found:?}")).into());
-        }
-        let flat = lights.as_slice()?.to_vec();
+        let (count, flat) = several(&lights, columns)?;
         let mix = mix.map(|mix| mix_of(&mix)).transpose()?;
         let out = compute(py, || {
-            let lights: Vec<&[[f64; 3]]> = flat.chunks_exact(3 * columns).map(|light| light.as_chunks().0).collect();
+            let lights: Vec<&[[f64; 3]]> = flat.chunks(columns).collect();
             let mut out = vec![0f32; count * rows * 3];
             self.chain.multiply(&lights, mix.as_ref(), &mut out)?;
+            Ok(out)
+        })?;
+        out.into_pyarray(py).reshape([count, rows, 3])
+    }
+
+    /// The same in 64 bits: of one matrix the exact sums themselves.
+    #[pyo3(signature = (lights, mix = None))]
+    fn multiply_double<'py>(
+        &self,
+        py: Python<'py>,
+        lights: PyReadonlyArray3<'py, f64>,
+        mix: Option<PyReadonlyArray2<'py, f32>>,
+    ) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let (rows, columns) = self.shape();
+        let (count, flat) = several(&lights, columns)?;
+        let mix = mix.map(|mix| mix_of(&mix)).transpose()?;
+        let out = compute(py, || {
+            let lights: Vec<&[[f64; 3]]> = flat.chunks(columns).collect();
+            let mut out = vec![0f64; count * rows * 3];
+            self.chain.multiply_double(&lights, mix.as_ref(), &mut out)?;
             Ok(out)
         })?;
         out.into_pyarray(py).reshape([count, rows, 3])
@@ -526,6 +547,15 @@ impl Transport {
         let (rows, columns) = self.shape();
         format!("Transport({rows} x {columns}, {}, {} bytes)", self.columns(), self.nbytes())
     }
+}
+
+/// How many arrays (length, 3) there are in one, and their rows one after the other.
+fn several(arrays: &PyReadonlyArray3<'_, f64>, length: usize) -> PyResult<(usize, Vec<[f64; 3]>)> {
+    let found = arrays.shape();
+    if found[1..] != [length, 3] {
+        return Err(Error::input(format!("expected an array of shape (k, {length}, 3), got {found:?}")).into());
+    }
+    Ok((found[0], arrays.as_slice()?.as_chunks().0.to_vec()))
 }
 
 /// A mix from an array (rows, factors).

@@ -58,7 +58,7 @@ impl TransportWriter {
     ///
     /// parts: (name, columns, rows, channels, quantum, width, tile_rows) in the order of the chain, of which `first` are the
     /// first stage; link: what leads on from it; audit: (groups (n,) uint32, one tile of 16 n rows in 16 bits); beside:
-    /// for "scene", "nodes" and "emission" arrays of float64, float32 or uint32 by their names.
+    /// for "scene", "nodes", "emission" and "lamps" arrays of float64, float32 or uint32 by their names.
     #[pyo3(signature = (*, parts, receivers, plan, scene, camera = None, first = 1, link = None, audit = None, beside = Vec::new()))]
     #[allow(clippy::too_many_arguments)]
     fn finish(

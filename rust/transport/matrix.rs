@@ -104,23 +104,6 @@ impl TransportMatrix {
         all
     }
 
-    /// M^T y for `y` of `rows` x `k`, as `columns` x `k`; with three channels k is 3, each colour by its own. Each sum runs
-    /// down the rows: the same on any number of threads.
-    pub fn transpose_multiply(&self, y: &[f64], k: usize) -> Vec<f64> {
-        assert_eq!(y.len(), self.rows * k);
-        assert!(self.channels == Channels::One || k == 3);
-        let mut product = vec![0.0; self.bands.columns() * k];
-        self.by_columns(&mut product, k, |row, channel, lanes, out| {
-            for (lane, &value) in lanes.iter().enumerate().take(self.rows - row) {
-                let of_row = &y[(row + lane) * k..(row + lane + 1) * k];
-                let sums = out.iter_mut().zip(of_row).enumerate();
-                sums.filter(|(colour, _)| self.channels.of(*colour) == channel)
-                    .for_each(|(_, (sum, y))| *sum += f64::from(value) * y);
-            }
-        });
-        product
-    }
-
     /// The L2 norm of each column, over all channels.
     pub fn column_norms(&self) -> Vec<f64> {
         let mut norms = vec![0.0; self.bands.columns()];

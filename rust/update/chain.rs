@@ -14,7 +14,7 @@ use crate::transport::{Factors, GROUP, Link, Product, TransportMatrix};
 use super::change::whole;
 use super::multiplying::bound::{BandNorms, Bound};
 use super::multiplying::clustered::Clustered;
-use super::multiplying::finish::{Mix, Node, add_nodes, write};
+use super::multiplying::finish::{Mix, Node, Rounded, add_nodes, write};
 use super::multiplying::grid::{Grid, Span, above, light_norm};
 use super::multiplying::kernel::Sums;
 use super::multiplying::merged::merged;
@@ -62,6 +62,16 @@ impl Chain {
         if let (Some(matrix), None) = (self.product.alone(), mix) {
             return multiply(matrix, self.span, lights, out);
         }
+        self.multiply_each(lights, mix, out)
+    }
+
+    /// `multiply` in 64 bits: of one matrix the exact sums themselves.
+    pub fn multiply_double(&self, lights: &[&[[f64; 3]]], mix: Option<&Mix>, out: &mut [f64]) -> Result<()> {
+        check_mix(&self.product, mix)?;
+        self.multiply_each(lights, mix, out)
+    }
+
+    fn multiply_each<T: Rounded>(&self, lights: &[&[[f64; 3]]], mix: Option<&Mix>, out: &mut [T]) -> Result<()> {
         let rows = self.product.rows();
         if out.len() != lights.len() * rows * 3 {
             let (count, found) = (lights.len(), out.len());
@@ -70,7 +80,7 @@ impl Chain {
         lights.iter().zip(out.chunks_mut(3 * rows)).try_for_each(|(light, out)| self.multiply_one(light, mix, out))
     }
 
-    fn multiply_one(&self, light: &[[f64; 3]], mix: Option<&Mix>, out: &mut [f32]) -> Result<()> {
+    fn multiply_one<T: Rounded>(&self, light: &[[f64; 3]], mix: Option<&Mix>, out: &mut [T]) -> Result<()> {
         let columns = self.product.first.space().columns();
         if light.len() != columns {
             return Err(Error::input(format!("expected {columns} coefficients a light, got {}", light.len())));
@@ -128,7 +138,7 @@ impl Chain {
     }
 
     /// From the responses of the last stage to B: mixed, or with what nodes add.
-    pub fn finish(&self, responses: &[&Response], mix: Option<&Mix>, out: &mut [f32]) {
+    pub fn finish<T: Rounded>(&self, responses: &[&Response], mix: Option<&Mix>, out: &mut [T]) {
         let matrix = self.product.outputs().first();
         match (&self.product.link, mix) {
             (Link::Weights(weights), _) => {

@@ -1,5 +1,6 @@
 //! B = M V, frame after frame, for any V: choosing (`choosing/`) is apart from multiplying (`multiplying/`).
 
+mod adjoint;
 pub mod chain;
 pub mod change;
 pub mod choosing;

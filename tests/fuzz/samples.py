@@ -17,8 +17,8 @@ QUAD = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
 
 
 def transports(folder: Path) -> list[Files]:
-    """Directories: untruncated wavelets, truncated harmonics, two tiles of a few columns, factors, lobes under texels;
-    and one for every link."""
+    """Directories: untruncated wavelets, truncated harmonics, two tiles of a few columns, factors, lobes under texels,
+    a stack of pictures; and one for every link."""
     scene = dl.Scene.builtin("cornell")
     made = []
     for k, (size, columns, quality) in enumerate(((6, "haar:2", "lossless"), (8, "sh:3", "publication"))):
@@ -34,7 +34,10 @@ def transports(folder: Path) -> list[Files]:
     dl.precompute(glossy, folder / "glossy.transport", progress=False, **options)
     options = {"columns": "haar:2+texels", "quality": "preview", "progress": False}
     dl.precompute(glossy.with_camera(glossy.camera.resized(8, 8)), folder / "lobes.transport", **options)
-    whole = [contents(folder / f"{name}.transport") for name in ("tiles", "glossy", "lobes")]
+    pictures = np.random.default_rng(2).random((3, 4, 5, 3))
+    stack = folder / "stack.transport"
+    dl.Transport.from_images(pictures, dl.Lamps(np.eye(3), "abc"), stack, progress=False)
+    whole = [contents(folder / f"{name}.transport") for name in ("tiles", "glossy", "lobes", "stack")]
     return [*made, *whole, *linked(folder)]
 
 

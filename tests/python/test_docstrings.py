@@ -29,7 +29,7 @@ from typing import Any
 import deltalux
 import pytest
 
-ROOMS = ("brdf", "columns", "io", "light.motion", "light.sequences", "report", "studies")
+ROOMS = ("brdf", "columns", "io", "light.motion", "light.sequences", "relight.gradients", "report", "studies")
 DOORS = ("deltalux", *(f"deltalux.{room}" for room in ROOMS))
 
 
@@ -235,7 +235,9 @@ def test_public_names_say_what_they_do(public):
 def test_the_whole_face_is_walked():
     names = {public.name for public in FACE}
     assert len(names) > 80
-    assert {f"deltalux.{name}" for name in deltalux.__all__} - names <= {"deltalux.__version__", "deltalux.sequences"}
+    assert {f"deltalux.{name}" for name in deltalux.__all__} - names <= {
+        *("deltalux.__version__", "deltalux.gradients", "deltalux.sequences")
+    }
     for name in ("Camera.framing", "Environment.rotated", "Haar.bands", "Relighter.step", "Scene.load"):
         assert f"deltalux.{name}" in names
     assert {"deltalux.light.sequences.sunrise", "deltalux.report.report", "deltalux.studies.study"} <= names

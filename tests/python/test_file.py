@@ -112,14 +112,12 @@ def test_what_a_file_says(tmp_path):
     np.testing.assert_array_equal(data, stored[stored != 0])
     np.testing.assert_array_equal(np.diff(indptr), (stored != 0).sum(axis=1))
     np.testing.assert_array_equal(indices, np.nonzero(stored)[1])
-    y = np.random.default_rng(1).normal(size=(70, 2))
-    np.testing.assert_allclose(opened.transpose_multiply(y), stored.T.astype(np.float64) @ y, atol=1e-12)
     np.testing.assert_allclose(opened.column_norms(), np.linalg.norm(stored.astype(np.float64), axis=0), rtol=1e-12)
     assert opened.column_bytes().sum() == opened.entries * _core.entry_bytes("i16", 1)
     with pytest.raises(IndexError):
         opened.row(70)
     with pytest.raises(ValueError, match="expected an array"):
-        opened.transpose_multiply(np.zeros((3, 1)))
+        opened.adjoint(np.zeros((1, 3, 3)))
 
 
 def test_a_smaller_version(tmp_path):

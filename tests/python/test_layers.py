@@ -81,6 +81,7 @@ GLANCES = {
     ("columns/haar", "light/environment"),
     ("columns/harmonics", "light/environment"),
     ("columns/inner", "light/environment"),
+    ("columns/lamps", "light/environment"),
 }
 # Foreign crates and packages enter through one file, or one folder, each.
 CRATES = {

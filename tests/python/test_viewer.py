@@ -15,6 +15,7 @@ import pytest
 from deltalux.io import load_image, to_display
 from deltalux.viewer.lights import Group, Lights
 from deltalux.viewer.messages import packed
+from deltalux.viewer.relit import Relit
 from deltalux.viewer.wavelets import squares
 from pages import page, welcomed
 
@@ -267,6 +268,22 @@ def test_a_dark_pixel_says_which_directions_light_it(view, transport):
         expected = haar_inverse(8, np.asarray(whole, np.float64))
         assert header["rows"] == len(rows)
         np.testing.assert_allclose(found, expected, atol=1e-3 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("kind", ["pixels", "vertices"])
+def test_so_it_does_through_bounces_and_at_vertices(tmp_path, kind):
+    """What each texel does to the pixel, and the light that there is, make the pixel."""
+    scene = dl.Scene.builtin("cornell")
+    scene = scene.with_camera(scene.camera.resized(12, 12))
+    made = dl.precompute(
+        scene, tmp_path / "a.transport", columns=dl.Haar(4), bounces=2, receivers=kind, progress=False, nodes=64
+    )
+    env = dl.Environment.builtin("sky")
+    expected = made.image(made.multiply(made.coefficients(env)))[8, 6]
+    found, rows = Relit(made, Lights({}, ()), dl.Full(), {}, "a").look(6, 8)
+    areas = made.columns.solid_angles.reshape(6, 4, 4, 1)
+    assert rows > 0
+    np.testing.assert_allclose((found * env.cubemap(4) * areas).sum(axis=(0, 1, 2)), expected, rtol=1e-4)
 
 
 def test_the_handle_sets_and_reads(view, transport, tmp_path):

@@ -22,7 +22,7 @@ const ROWS: usize = 40;
 const TERMS: usize = 24;
 
 fn spaces() -> Vec<ColumnSpace> {
-    vec![ColumnSpace::haar(4).unwrap(), ColumnSpace::spherical_harmonics(6).unwrap()]
+    vec![ColumnSpace::haar(4).unwrap(), ColumnSpace::spherical_harmonics(6).unwrap(), ColumnSpace::lamps(30).unwrap()]
 }
 
 /// A product, its mix, and what it stands for in f64.
@@ -364,6 +364,34 @@ fn every_form_under_every_method_is_within_its_bound_and_ends_exact() {
                 chain.multiply(&[&to], mix.as_ref(), &mut fresh).unwrap();
                 assert_eq!(out, fresh, "{name}, {space}, {method:?}: other bits than a fresh product");
             }
+        }
+    }
+}
+
+/// Bit for bit it is held in Python (`test_adjoint.py`); what lies between two stages is rounded to a grid of its own.
+#[test]
+fn the_adjoint_of_every_form_is_its_transpose() {
+    let product = |a: &[[f64; 3]], b: &[[f64; 3]]| -> f64 {
+        a.as_flattened().iter().zip(b.as_flattened()).map(|(a, b)| a * b).sum()
+    };
+    let size = |a: &[[f64; 3]]| product(a, a).sqrt();
+    for &(name, form) in FORMS {
+        for space in spaces() {
+            let Form { product: made, mix, .. } = form(space);
+            let chain = Chain::new(made);
+            let r: Light = light(ROWS, 31);
+            let sums = chain.adjoint(&r, mix.as_ref(), true).unwrap();
+            let v = light(sums.len(), 32);
+            let mut b = vec![0.0; 3 * ROWS];
+            chain.multiply_double(&[&v], mix.as_ref(), &mut b).unwrap();
+            let (left, right) = (product(b.as_chunks().0, &r), product(&v, &sums));
+            assert!((left - right).abs() <= 1e-6 * size(&v) * size(&sums), "{name}, {space}: {left} and {right}");
+            assert!(chain.adjoint(&r[1..], mix.as_ref(), true).is_err());
+            // Without texels all other columns are what they are.
+            let stored = chain.adjoint(&r, mix.as_ref(), false).unwrap();
+            let texels = chain.product.first.first().bands.texels;
+            let (own, left_out) = stored.split_at(stored.len() - texels);
+            assert!(own == &sums[..own.len()] && left_out.iter().all(|column| *column == [0.0; 3]), "{name}, {space}");
         }
     }
 }

@@ -149,7 +149,7 @@ proptest! {
         prop_assert!(up == 0 || f64::from(bf16(up - 1)) < norm);
     }
 
-    /// Rows, the copy by rows, the transpose and the norms of columns all come from the same numbers.
+    /// Rows, the copy by rows and the norms of columns all come from the same numbers.
     #[test]
     fn every_reading_agrees(seed: u64, rows in 1usize..70, width in width_strategy(), channels in channels_strategy()) {
         let space = ColumnSpace::haar(4).unwrap();
@@ -171,15 +171,8 @@ proptest! {
         }
         prop_assert_eq!(&copy, &dense.values);
 
-        let mut next = noise(seed ^ 1);
-        let y: Vec<f64> = (0..rows * 3).map(|_| next()).collect();
-        let product = matrix.transpose_multiply(&y, 3);
         for column in 0..dense.columns {
             let value = |row: usize, channel: usize| dense.row(row)[column * count + channel];
-            for k in 0..3 {
-                let truth: f64 = (0..rows).map(|row| value(row, channels.of(k)) * y[row * 3 + k]).sum();
-                prop_assert!((product[column * 3 + k] - truth).abs() <= 1e-12);
-            }
             let squares = (0..rows).flat_map(|row| (0..count).map(move |channel| value(row, channel).powi(2)));
             let norm = squares.sum::<f64>().sqrt();
             prop_assert!((matrix.column_norms()[column] - norm).abs() <= 1e-12 * norm);

@@ -14,6 +14,7 @@ from .._core import column_bands, haar_without_texels
 from ..checks import count
 from ..mistakes import instead_of
 from .bands import bands_and_areas
+from .cube import texel_solid_angles
 
 if TYPE_CHECKING:
     from ..light.environment import Environment
@@ -96,6 +97,11 @@ class Haar:
         Of a texel column it is the size: a face's mean, over size^2 texels, sends receivers size times as much.
         """
         return bands_and_areas(str(self))[1]
+
+    @property
+    def solid_angles(self) -> NDArray[np.float64]:
+        """Solid angles of the cubemap's texels, row by row, face after face: (wavelets,) float64, read-only."""
+        return texel_solid_angles(self.size)
 
     @cached_property
     def band_names(self) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from .._core import column_bands
 from .bands import bands_and_areas
 from .daubechies4 import Daubechies4
+from .lamps import Lamps
 from .parse import Columns, parse
 
 if TYPE_CHECKING:
@@ -90,7 +91,7 @@ class Inner:
         raise ValueError(f"expected columns that light is measured in, but {self} are those of a response")
 
 
-AnyColumns = Columns | Inner | Daubechies4
+AnyColumns = Columns | Inner | Daubechies4 | Lamps
 
 
 def parse_any(text: str) -> AnyColumns:
@@ -99,11 +100,12 @@ def parse_any(text: str) -> AnyColumns:
     Parameters
     ----------
     text
-        Such as ``"haar:64"``, ``"sh:20"``, ``"tree:4096"`` or ``"d4:3"``.
+        Such as ``"haar:64"``, ``"sh:20"``, ``"tree:4096"``, ``"d4:3"`` or ``"lamps:50"``, whose directions a name does
+        not say.
 
     Returns
     -------
-    Haar, SphericalHarmonics, Inner or Daubechies4
+    Haar, SphericalHarmonics, Inner, Daubechies4 or Lamps
 
     Raises
     ------
@@ -113,4 +115,6 @@ def parse_any(text: str) -> AnyColumns:
     kind, _, number = text.partition(":")
     if kind == "d4" and number.isascii() and number.isdigit():
         return Daubechies4(int(number))
+    if kind == "lamps" and number.isascii() and number.isdigit():
+        return Lamps.restored(int(number), {})
     return Inner(text) if kind in _KINDS else parse(text)

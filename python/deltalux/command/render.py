@@ -9,6 +9,7 @@ from typing import Any
 from ..camera import Camera
 from ..io import TONES, save_image, to_display
 from ..relight.backdrop import Backdrop
+from ..relight.layers import save_layers
 from ..transport.transport import Transport
 from .arguments import (
     add_background,
@@ -41,6 +42,13 @@ def add(commands: Any) -> None:
         "--exposure", type=read_exposure, metavar="STOPS", help="of a PNG; default: chosen by the picture"
     )
     command.add_argument("--tone", choices=TONES, default="srgb", help="curve of a PNG; default: %(default)s")
+    command.add_argument(
+        "--group",
+        action="append",
+        metavar="NAME=ENV",
+        help="a light group, once for each: a multi-part EXR with a layer for each, albedo, normals, places and depth, "
+        "or a .glb of vertices, for mixing",
+    )
     add_background(command)
     command.add_argument("--half", action="store_true", help="half floats in an EXR")
     command.add_argument("-o", "--output", required=True, metavar="FILE", help="a .png or an .exr")
@@ -48,6 +56,8 @@ def add(commands: Any) -> None:
 
 def _render(chosen: argparse.Namespace) -> None:
     path = Path(chosen.output)
+    if chosen.group:
+        return _render_groups(chosen, path)
     if path.suffix.lower() not in _SUFFIXES:
         raise ValueError(f"expected a .png or an .exr file to write, got {path.name!r}")
     exr = path.suffix.lower() == ".exr"
@@ -66,6 +76,17 @@ def _render(chosen: argparse.Namespace) -> None:
     picture = backdrop.picture(B, env, exposure)
     save_image(path, picture if exr else to_display(picture, exposure, chosen.tone), about, half=chosen.half)
     say(f"{path}: {picture.shape[1]} x {picture.shape[0]} pixels" + ("" if exr else f", {exposure:+.2f} stops"))
+
+
+def _render_groups(chosen: argparse.Namespace, path: Path) -> None:
+    named = [word.partition("=") for word in chosen.group]
+    if not all(name and env for name, _, env in named):
+        raise ValueError(f"expected --group as NAME=ENV, got {' '.join(chosen.group)}")
+    transport = Transport.open(chosen.transport)
+    view = None if chosen.camera is None and chosen.size is None else _camera(transport, chosen)
+    groups = {name: environment_of(env, chosen).rotated(chosen.rotate) for name, _, env in named}
+    save_layers(path, transport, groups, camera=view, half=chosen.half)
+    say(f"{path}: {len(groups)} groups of light")
 
 
 def _camera(transport: Transport, chosen: argparse.Namespace) -> Camera:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from .._core import Transport as CoreTransport
 from ..columns.inner import AnyColumns, parse_any
@@ -76,7 +77,15 @@ class Matrix:
         text = self._core.second_columns
         return None if text is None else parse_any(text)
 
-    def multiply(self, V: ArrayLike, *, mix: ArrayLike | None = None) -> NDArray[np.float32]:
+    @overload
+    def multiply(self, V: ArrayLike, *, mix: ArrayLike | None = None) -> NDArray[np.float32]: ...
+
+    @overload
+    def multiply(
+        self, V: ArrayLike, *, mix: ArrayLike | None = None, dtype: type[np.float64]
+    ) -> NDArray[np.float64]: ...
+
+    def multiply(self, V: ArrayLike, *, mix: ArrayLike | None = None, dtype: DTypeLike = np.float32) -> NDArray[Any]:
         """B = M V, the exact product in one go.
 
         Parameters
@@ -86,10 +95,12 @@ class Matrix:
         mix
             (rows, factors): by which weights the factors' responses are added for each receiver; needed where there
             are several, and only there.
+        dtype
+            ``np.float32``, or ``np.float64``: of one matrix those are the exact sums.
 
         Returns
         -------
-        (rows, 3) or (k, rows, 3) float32
+        (rows, 3) or (k, rows, 3) float32, or float64
             The exact product of M and V on its dyadic grid, rounded once. The albedo is not in it (see `image`).
 
         Raises
@@ -99,16 +110,47 @@ class Matrix:
         ValueError
             If the shape is wrong or a coefficient is not finite.
         """
-        try:
-            array = np.ascontiguousarray(V, np.float64)
-        except (TypeError, ValueError):
-            what = f"expected V, an array of shape ({self.shape[1]}, 3), got {described(V)}"
-            raise TypeError(f"{what}; transport.coefficients(env) makes one of a light") from None
-        single = array.ndim == 2
-        batch = array[None] if single else array
-        if batch.ndim != 3 or batch.shape[1:] != (self.shape[1], 3):
-            raise ValueError(f"expected V of shape ({self.shape[1]}, 3) or (k, {self.shape[1]}, 3), got {np.shape(V)}")
-        product = self._core.multiply(batch, None if mix is None else self.mixed(mix))
+        if np.dtype(dtype) not in (np.float32, np.float64):
+            raise ValueError(f"expected float32 or float64 for B, got {np.dtype(dtype)}")
+        hint = "; transport.coefficients(env) makes one of a light"
+        batch, single = _several("V", V, self.shape[1], hint)
+        weights = None if mix is None else self.mixed(mix)
+        whole = self._core.multiply if np.dtype(dtype) == np.float32 else self._core.multiply_double
+        product = whole(batch, weights)
+        return product[0] if single else product
+
+    def adjoint(self, R: ArrayLike, *, mix: ArrayLike | None = None) -> NDArray[np.float64]:
+        """The transpose of M times R: how much each column of the light has to do with numbers at the rows.
+
+        It is the gradient of sum(R * B) by V, and as exact as the product: R is rounded to multiples of 2^-34 of its
+        largest magnitude (what has fewer bits is taken as it is), and sums of it with values of M are exact, in any
+        order and on any number of threads, and rounded once. Where V and R are whole numbers of few bits times a power
+        of two, sum(multiply(V) * R) and sum(V * adjoint(R)) are the same number, bit for bit.
+
+        Parameters
+        ----------
+        R
+            (rows, 3), or (k, rows, 3): numbers for each receiver, of either sign.
+        mix
+            As for `multiply`.
+
+        Returns
+        -------
+        (columns, 3) or (k, columns, 3) float64
+
+        Raises
+        ------
+        TypeError
+            If an argument is something else.
+        ValueError
+            If the shape is wrong or a number is not finite.
+
+        Notes
+        -----
+        Through several matrices (nodes, clusters, trees) what goes from one to the next is rounded as R is.
+        """
+        batch, single = _several("R", R, self.shape[0], "")
+        product = self._core.adjoint(batch, None if mix is None else self.mixed(mix))
         return product[0] if single else product
 
     def mixed(self, mix: ArrayLike) -> NDArray[np.float32]:
@@ -224,21 +266,24 @@ class Matrix:
         Returns
         -------
         (rows,) or (rows, k) float64
-            To single precision, as `multiply`.
 
         Raises
         ------
         ValueError
             If each colour has an M of its own.
         """
+        return self._in_threes(self._core.multiply_double, x, self.shape[1])
+
+    def _in_threes(
+        self, product: Callable[[NDArray[np.float64]], NDArray[np.float64]], x: ArrayLike, length: int
+    ) -> NDArray[np.float64]:
+        """Columns of an array, each multiplied: the kernels take three colours at a time."""
         self._check_one_channel()
-        columns = np.asarray(x, np.float64).reshape(self.shape[1], -1).T
-        # The kernel multiplies three colours at a time.
-        padded = np.zeros((-(-len(columns) // 3) * 3, self.shape[1]))
+        columns = np.asarray(x, np.float64).reshape(length, -1).T
+        padded = np.zeros((-(-len(columns) // 3) * 3, length))
         padded[: len(columns)] = columns
-        product = self._core.multiply(np.ascontiguousarray(padded.reshape(-1, 3, self.shape[1]).swapaxes(1, 2)))
-        flat = product.swapaxes(1, 2).reshape(-1, self.shape[0])[: len(columns)].T
-        return np.array(flat, np.float64).reshape((self.shape[0], *np.shape(x)[1:]))
+        out = product(np.ascontiguousarray(padded.reshape(-1, 3, length).swapaxes(1, 2))).swapaxes(1, 2)
+        return np.ascontiguousarray(out.reshape(-1, out.shape[2])[: len(columns)].T).reshape((-1, *np.shape(x)[1:]))
 
     def _check_one_channel(self) -> None:
         if self.channels != 1:
@@ -261,9 +306,7 @@ class Matrix:
         ValueError
             If each colour has an M of its own.
         """
-        self._check_one_channel()
-        stacked = np.ascontiguousarray(np.asarray(y, np.float64).reshape(self.shape[0], -1))
-        return self._core.transpose_multiply(stacked).reshape((self.shape[1], *np.shape(y)[1:]))
+        return self._in_threes(self._core.adjoint, y, self.shape[0])
 
     matvec, rmatvec = matmat, rmatmat
 
@@ -278,3 +321,15 @@ class Matrix:
         import scipy.sparse.linalg
 
         return scipy.sparse.linalg.aslinearoperator(self)
+
+
+def _several(name: str, array: ArrayLike, length: int, hint: str) -> tuple[NDArray[np.float64], bool]:
+    """An array of triples, or several, as several; and whether it was one."""
+    try:
+        found = np.ascontiguousarray(array, np.float64)
+    except (TypeError, ValueError):
+        raise TypeError(f"expected {name}, an array of shape ({length}, 3), got {described(array)}{hint}") from None
+    batch = found[None] if found.ndim == 2 else found
+    if batch.ndim != 3 or batch.shape[1:] != (length, 3):
+        raise ValueError(f"expected {name} of shape ({length}, 3) or (k, {length}, 3), got {np.shape(array)}")
+    return batch, found.ndim == 2

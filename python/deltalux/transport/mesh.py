@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +22,13 @@ def save_mesh(
     normal: NDArray[np.float32],
     triangles: NDArray[np.uint32],
     colours: NDArray[np.float32],
+    layers: Mapping[str, NDArray[np.float32]] | None = None,
+    lights: Sequence[tuple[Mapping[str, Any], Mapping[str, Any]]] = (),
 ) -> None:
     """Writes a mesh of vertices (v, 3), unit normals (v, 3), triangles (t, 3) and linear colours (v, 3).
+
+    A .glb may hold further layers of colours by their names, and lights of KHR_lights_punctual, each with what is said
+    of its node.
 
     Raises
     ------
@@ -32,10 +38,12 @@ def save_mesh(
         If the disk refuses; what was at `path` is then untouched.
     """
     target = Path(path)
-    writers = {".glb": _glb, ".ply": _ply}
-    if target.suffix.lower() not in writers:
+    if target.suffix.lower() == ".glb":
+        parts = _glb(position, normal, triangles, {"": colours, **(layers or {})}, lights)
+    elif target.suffix.lower() == ".ply":
+        parts = _ply(position, normal, triangles, colours)
+    else:
         raise ValueError(f"expected a .glb or .ply file for vertex colours, got {target.name!r}")
-    parts = writers[target.suffix.lower()](position, normal, triangles, colours)
     beside = target.with_name(f".{target.name}.{os.getpid()}.tmp")
     try:
         with open(beside, "wb") as file:
@@ -50,13 +58,14 @@ def _glb(
     position: NDArray[np.float32],
     normal: NDArray[np.float32],
     triangles: NDArray[np.uint32],
-    colours: NDArray[np.float32],
+    layers: Mapping[str, NDArray[np.float32]],
+    lights: Sequence[tuple[Mapping[str, Any], Mapping[str, Any]]],
 ) -> list[bytes]:
     """glTF 2.0 in one file: header, JSON, binary, each chunk a multiple of four bytes."""
     arrays = [
         ("POSITION", position, 5126, "VEC3", 34962),
         ("NORMAL", normal, 5126, "VEC3", 34962),
-        ("COLOR_0", colours, 5126, "VEC3", 34962),
+        *((f"COLOR_{k}", own.astype(np.float32), 5126, "VEC3", 34962) for k, own in enumerate(layers.values())),
         ("", triangles.reshape(-1), 5125, "SCALAR", 34963),
     ]
     views: list[dict[str, Any]] = []
@@ -70,12 +79,15 @@ def _glb(
     accessors[0] |= {"min": position.min(axis=0).tolist(), "max": position.max(axis=0).tolist()}
     attributes = {name: number for number, (name, *_) in enumerate(arrays) if name}
     primitive = {"attributes": attributes, "indices": len(arrays) - 1, "material": 0, "mode": 4}
-    document = {
+    mesh: dict[str, Any] = {"primitives": [primitive]}
+    if len(layers) > 1:
+        mesh["extras"] = {"lightGroups": list(layers)[1:]}
+    document: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": "deltalux"},
         # The light is in the colours.
         "extensionsUsed": ["KHR_materials_unlit"],
         "materials": [{"extensions": {"KHR_materials_unlit": {}}}],
-        "meshes": [{"primitives": [primitive]}],
+        "meshes": [mesh],
         "nodes": [{"mesh": 0}],
         "scenes": [{"nodes": [0]}],
         "scene": 0,
@@ -83,6 +95,13 @@ def _glb(
         "bufferViews": views,
         "accessors": accessors,
     }
+    if lights:
+        # Each light in a node of its own, behind that of the mesh.
+        document["extensionsUsed"].append("KHR_lights_punctual")
+        document["extensions"] = {"KHR_lights_punctual": {"lights": [dict(light) for light, _ in lights]}}
+        for number, (_, node) in enumerate(lights):
+            document["nodes"].append({**node, "extensions": {"KHR_lights_punctual": {"light": number}}})
+        document["scenes"][0]["nodes"] = list(range(len(document["nodes"])))
     text = json.dumps(document, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
     binary = [np.ascontiguousarray(array).tobytes() for _, array, *_ in arrays]

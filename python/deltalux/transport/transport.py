@@ -20,6 +20,8 @@ from .._core import Behind, FileError
 from .._core import Transport as CoreTransport
 from ..camera import Camera
 from ..columns.haar import Haar
+from ..columns.inner import AnyColumns, parse_any
+from ..columns.lamps import Lamps
 from ..mistakes import checked_path, described, instead_of, refuse_kind, refuse_missing
 from ..plain import MOST_TEXT, read_plain
 from ..progress import Progress
@@ -32,7 +34,8 @@ from .matrix import Matrix
 from .mesh import save_mesh
 from .plan import Plan, Solve
 from .receivers import Pixels, Receivers, Vertices, of_table
-from .seen import Seen
+from .seen import Seen, Shares
+from .stack import write_stack
 from .views import Views
 
 if TYPE_CHECKING:
@@ -97,6 +100,63 @@ class Transport(Matrix):
             If a file cannot be read.
         """
         return Transport(path)
+
+    @staticmethod
+    def from_images(
+        images: Any,
+        lights: Any,
+        path: str | os.PathLike[str],
+        *,
+        mask: ArrayLike | str | os.PathLike[str] | None = None,
+        intensities: ArrayLike | None = None,
+        reach: float | None = None,
+        camera: Camera | None = None,
+        progress: bool | Progress = True,
+    ) -> Transport:
+        """The transport that pictures of one view hold, each taken under one lamp or one group of lights.
+
+        Columns are the lights (`Lamps`): an environment is shared out between lamps by their directions, a group's
+        number in V is its gain. All light that a picture holds is in M, shadows, gloss and what has bounced.
+
+        Parameters
+        ----------
+        images
+            (n, height, width, 3) or (n, height, width) linear floats, or a sequence of such or of files, which are made
+            linear as `Environment.load` does. One file where `lights` names its layers or parts (EXR). None where a
+            list of lights names the pictures.
+        lights
+            (n, 3) directions towards the lamps; `Lamps`; names of groups; or a text file: a number, then a line for
+            each light with its direction, behind the name of its picture in RTI's .lp.
+        path
+            Directory to make, by custom ``NAME.transport``.
+        mask
+            (height, width), or a picture: where False or dark, no surface is seen. None: all of it is surface.
+        intensities
+            (n,) or (n, 3): the irradiance of a surface that faces each lamp, or what pictures of groups are divided by;
+            None: 1.
+        reach
+            As for `Lamps`, degrees.
+        camera
+            The one that took them. None: one that looks along -z, as light stacks are measured.
+        progress
+            As for `precompute`.
+
+        Returns
+        -------
+        Transport
+            Opened from `path`: of three channels, or of one where all pictures are grey. What surfaces are is not
+            known: albedos are 1, places and normals 0.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If an argument cannot be used, or the pictures are not of one size.
+        OSError
+            If a file cannot be read or written.
+        """
+        checked_path(path)
+        write_stack(images, lights, path, mask, intensities, reach, camera, progress)
+        return Transport.open(path)
 
     def __reduce__(self) -> tuple[Any, ...]:
         if self._path is None:
@@ -194,6 +254,18 @@ class Transport(Matrix):
             raise ValueError(f"expected a transport of pixels for a picture, but its rows are {self.receivers.kind}")
         return self.receivers
 
+    @cached_property
+    def columns(self) -> AnyColumns:
+        """The basis that V is measured in; FileError where the file's lamps are none."""
+        columns = parse_any(self._core.columns)
+        # Of what was made in memory only the number of lamps is known.
+        if not isinstance(columns, Lamps) or self._path is None:
+            return columns
+        try:
+            return Lamps.restored(columns.columns, self._core.beside("lamps") or {})
+        except ValueError as error:
+            raise FileError(f"lamps.safetensors: {error}") from None
+
     def coefficients(self, env: Environment, peaks: int | None = None) -> NDArray[np.float64]:
         """V: an environment in the columns of M.
 
@@ -286,6 +358,27 @@ class Transport(Matrix):
             return self._views.seen(self.camera if camera is None else camera, self._response(B))
         values = self._response(B)
         return Seen(self.pixels, values, self._glow)
+
+    def shares(self, camera: Camera | None = None) -> Shares:
+        """What pixels show of each row: the linear map from responses to pictures on black, with its transpose.
+
+        Parameters
+        ----------
+        camera
+            Of vertices; None: that of the transport, which pixels have no other than.
+
+        Returns
+        -------
+        Shares
+
+        Raises
+        ------
+        ValueError
+            If the rows are neither pixels nor vertices, the file names no camera, or vertices have factors of lobes.
+        """
+        if camera is not None or self.receivers.kind == "vertices":
+            return self._views.shares(self.camera if camera is None else camera, self.shape[0])
+        return Shares(self.pixels.image_shape, self.shape[0], self.pixels, None, None)
 
     def _response(self, B: ArrayLike) -> NDArray[np.float32]:
         """B with the light that does not move."""
@@ -398,10 +491,27 @@ class Transport(Matrix):
         """
         if not -_STOPS <= exposure <= _STOPS:
             raise ValueError(f"expected an exposure from -{_STOPS} to {_STOPS} stops, got {exposure}")
-        colours, receivers, views = self.colours(B), self.receivers, self._views
-        # What lies inside something has no normal of its own.
+        position, normal, triangles = self.mesh()
+        save_mesh(path, position, normal, triangles, np.float32(2.0**exposure) * self.colours(B))
+
+    def mesh(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.uint32]]:
+        """The mesh that the rows are vertices of.
+
+        Returns
+        -------
+        positions, normals : (vertices, 3) float32
+            World coordinates, and unit normals; what lies inside something has that of its neighbour.
+        triangles : (n, 3) uint32
+            Of each side that lies open.
+
+        Raises
+        ------
+        ValueError
+            If the rows are no vertices.
+        """
+        views, receivers = self._views, self.receivers
         normal = receivers.normal[views.shown]
-        save_mesh(path, receivers.position[: len(normal)], normal, views.triangles, np.float32(2.0**exposure) * colours)
+        return receivers.position[: len(normal)], normal, views.triangles
 
     @cached_property
     def surface(self) -> Surface:

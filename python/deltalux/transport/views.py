@@ -17,7 +17,7 @@ from ..camera import Camera
 from ..surface.surface import Surface
 from .gloss import Gloss
 from .receivers import Pixels, Vertices
-from .seen import Seen
+from .seen import Seen, Shares
 
 __all__ = ["Views"]
 
@@ -137,6 +137,19 @@ class Views:
             shine = view.shine.resolve(view.rows.interpolated(self._shows, glossy))
             besides = shine if besides is None else shine + besides
         return Seen(view.samples, values, besides)
+
+    def shares(self, camera: Camera, rows: int) -> Shares:
+        """What a camera's pixels show of each vertex; ValueError where lobes depend on the eye."""
+        if self._gloss is not None:
+            raise ValueError("expected vertices that look alike from everywhere, but these have factors of lobes")
+        view = self._view(camera)
+        side = self._shows[view.rows.triangle].reshape(-1, 2, 3)
+        corners = side[np.arange(len(side)), view.rows.back.astype(int)].astype(np.intp)
+        second, third = view.rows.barycentric.astype(np.float64).T
+        # The inside of what is closed has no row, and is dark.
+        lit = corners < len(self.shown)
+        weights = np.where(lit, np.stack([1 - second - third, second, third], -1), 0.0)
+        return Shares(view.samples.image_shape, rows, view.samples, np.where(lit, corners, 0), weights)
 
     def behind(self, camera: Camera) -> Behind:
         """What puts an environment behind the scene."""

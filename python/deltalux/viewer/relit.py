@@ -314,22 +314,23 @@ class Relit(Subject):
         return self._seen(shot), camera_words(camera)
 
     def look(self, x: int, y: int) -> tuple[Layer, int]:
-        columns = self.transport.columns
-        if self.kind != "pixels" or not isinstance(columns, Haar):
+        columns, camera = self.transport.columns, self._asked.camera
+        if not isinstance(columns, Haar):
             return super().look(x, y)
-        pixels = self.transport.pixels
-        height, width = pixels.image_shape
+        if camera is not None:
+            camera = camera.resized(self.transport.camera.width, self.transport.camera.height)
+        shares = self.transport.shares(camera)
+        height, width = shares.image_shape
         if not (0 <= x < width and 0 <= y < height):
             raise ValueError(f"expected a pixel below {width} and {height}, got {x} and {y}")
-        rows = np.flatnonzero(pixels.pixel == y * width + x)
-        if len(rows) == 0:
+        rows = int((shares.samples.pixel == y * width + x).sum())
+        if rows == 0:
             raise ValueError("this pixel shows no surface")
-        total = np.zeros((columns.wavelets, 3))
-        for row in rows:
-            own = self.transport.row(int(row))[: columns.wavelets]
-            wide = own[:, None] if own.ndim == 1 else own
-            total += pixels.weight[row] * pixels.albedo[row] * wide
-        return haar_inverse(columns.size, total).astype(np.float32), len(rows)
+        asked = np.zeros((height, width, 3))
+        asked[y, x] = 1
+        # Texel columns see what wavelets do, and are not needed for it.
+        found = self.transport._core.adjoint(shares.back(asked)[None], None, False)[0, : columns.wavelets]
+        return haar_inverse(columns.size, np.ascontiguousarray(found)).astype(np.float32), rows
 
     def _seen(self, shot: Shot) -> Layer:
         shown: _Shown = shot.of

@@ -113,7 +113,7 @@ class Subject(ABC):
 
     def look(self, x: int, y: int) -> tuple[Layer, int]:
         """What a unit of radiance from each texel does to a pixel, and how many rows it shows."""
-        raise ValueError("expected a transport of pixels under a Haar basis to ask why a pixel is dark")
+        raise ValueError("expected a transport under a Haar basis to ask why a pixel is dark")
 
     @abstractmethod
     def picture(self, shot: Shot) -> Layer:

@@ -15,8 +15,10 @@ pub const SCENE: &str = "scene.safetensors";
 pub const NODES: &str = "nodes.safetensors";
 /// The file of the light that surfaces give off by themselves.
 pub const EMISSION: &str = "emission.safetensors";
+/// The file of the lamps or groups that the columns are.
+pub const LAMPS: &str = "lamps.safetensors";
 /// The files that there may be, in the order of the manifest.
-pub const FILES: [&str; 3] = [SCENE, NODES, EMISSION];
+pub const FILES: [&str; 4] = [SCENE, NODES, EMISSION, LAMPS];
 
 /// Numbers of one of the types that are kept beside a transport.
 #[derive(Clone)]

@@ -15,7 +15,7 @@ use crate::transport::entry::{Channels, GROUP, MAX_TILE_ROWS, Width, check_quant
 /// The word by which a manifest is known.
 pub const FORMAT: &str = "deltalux.transport";
 /// The major version is refused where it is unknown; a minor one only adds keys or files that older readers may ignore.
-/// That which is written is the one that `sealed_from` says.
+/// That which is written is the one that `sealed_from` says, or `OF_LAMPS`.
 pub const MAJOR: u32 = 2;
 /// The first version: one matrix of pixels, whose part has no name. It is read for good.
 pub const FIRST: u32 = 1;
@@ -25,6 +25,8 @@ pub const LOBED: u32 = 3;
 /// The major version of files in which weights of nodes may be negative, whose nodes readers of `MAJOR` would refuse: all else
 /// in them is as there.
 pub const SIGNED: u32 = 4;
+/// The minor version of `MAJOR` from which on columns may be lamps.
+pub const OF_LAMPS: u32 = 3;
 /// The key of a manifest's own digest.
 const SEAL: &[u8] = b"\"digest\"";
 /// The file that is written last and read first.

@@ -18,8 +18,8 @@ use crate::error::{Error, Result};
 use super::beside::{self, Beside};
 use super::link;
 use super::manifest::{
-    AUDIT, FORMAT, FileEntry, LINK, LOBED, MAJOR, MANIFEST, Manifest, PartEntry, RECEIVERS, ReceiversEntry, SIGNED,
-    TILES_PER_SHARD, is_part_name, read_small, sealed, sealed_from, shard_name,
+    AUDIT, FORMAT, FileEntry, LINK, LOBED, MAJOR, MANIFEST, Manifest, OF_LAMPS, PartEntry, RECEIVERS, ReceiversEntry,
+    SIGNED, TILES_PER_SHARD, is_part_name, read_small, sealed, sealed_from, shard_name,
 };
 use super::open::{self, Audit};
 use super::receivers;
@@ -225,9 +225,11 @@ impl Description {
         let parts: Vec<PartEntry> = self.parts.iter().map(Part::entry).collect();
         parts.iter().try_for_each(PartEntry::check)?;
         let names: Vec<String> = parts.iter().map(|part| part.name.clone()).collect();
+        let lamps = self.parts.iter().any(|part| matches!(part.space, ColumnSpace::Lamps { .. }));
+        let minor = if lamps { OF_LAMPS } else { sealed_from(major) };
         Ok(Manifest {
             format: FORMAT.to_owned(),
-            version: [major, sealed_from(major)],
+            version: [major, minor],
             parts,
             chain: link::entry(&names, self.first, &self.link),
             tiles_per_shard: TILES_PER_SHARD,

@@ -10,6 +10,26 @@ use crate::transport::{GROUP, TransportMatrix};
 use super::kernel::Sums;
 use super::response::Response;
 
+/// What B is rounded to, once.
+pub trait Rounded: Copy + Send {
+    /// The nearest number of this kind.
+    fn rounded(sum: f64) -> Self;
+}
+
+impl Rounded for f32 {
+    #[inline(always)]
+    fn rounded(sum: f64) -> f32 {
+        sum as f32
+    }
+}
+
+impl Rounded for f64 {
+    #[inline(always)]
+    fn rounded(sum: f64) -> f64 {
+        sum
+    }
+}
+
 /// How the K responses of a receiver make one: rows x K weights, or K that are all rows'.
 ///
 /// Changing it changes no response: another view of a glossy scene, or another BRDF of a family, costs a mix.
@@ -68,8 +88,19 @@ impl Mix {
         &self.weights[row * self.factors..(row + 1) * self.factors]
     }
 
+    /// R as the `factor`-th response takes part in it: each row times its weight.
+    pub(in crate::update) fn share(&self, factor: usize, r: &[[f64; 3]]) -> Vec<[f64; 3]> {
+        let weighted = |(row, r): (usize, &[f64; 3])| r.map(|x| f64::from(self.row(row)[factor]) * x);
+        r.iter().enumerate().map(weighted).collect()
+    }
+
     /// B_x = sum_k weight_xk B_k,x.
-    pub(in crate::update) fn write(&self, matrix: &TransportMatrix, responses: &[&Response], out: &mut [f32]) {
+    pub(in crate::update) fn write<T: Rounded>(
+        &self,
+        matrix: &TransportMatrix,
+        responses: &[&Response],
+        out: &mut [T],
+    ) {
         each_row(matrix, out, |tile, row, within| {
             let mut sum = [0.0; 3];
             for (response, &weight) in responses.iter().zip(self.row(row)) {
@@ -82,7 +113,7 @@ impl Mix {
 }
 
 /// B as it is.
-pub(in crate::update) fn write(matrix: &TransportMatrix, response: &Response, out: &mut [f32]) {
+pub(in crate::update) fn write<T: Rounded>(matrix: &TransportMatrix, response: &Response, out: &mut [T]) {
     each_row(matrix, out, |tile, _, within| at(&response.tiles()[tile], within));
 }
 
@@ -96,12 +127,12 @@ pub(in crate::update) struct Node<'a> {
 }
 
 /// B_x = B_x + sum_n w_xn B_n.
-pub(in crate::update) fn add_nodes(
+pub(in crate::update) fn add_nodes<T: Rounded>(
     matrix: &TransportMatrix,
     receivers: &Response,
     weights: &Weights,
     nodes: Node,
-    out: &mut [f32],
+    out: &mut [T],
 ) {
     // PERF: one node after the other, and a lane more than there are colours: a node is one load.
     let rows: usize = nodes.response.tiles().iter().map(|sums| GROUP * sums.len()).sum();
@@ -118,7 +149,7 @@ pub(in crate::update) fn add_nodes(
 }
 
 /// The rows of a tile, from row `first` on.
-fn add_to_tile(first: usize, sums: &[Sums], weights: &Weights, values: &[[f64; 4]], rows: &mut [f32]) {
+fn add_to_tile<T: Rounded>(first: usize, sums: &[Sums], weights: &Weights, values: &[[f64; 4]], rows: &mut [T]) {
     #[cfg(target_arch = "x86_64")]
     if is_x86_feature_detected!("avx2") {
         // SAFETY: the processor has AVX2.
@@ -130,12 +161,12 @@ fn add_to_tile(first: usize, sums: &[Sums], weights: &Weights, values: &[[f64; 4
 /// The same code, compiled for four lanes: the same bits, since Rust never fuses or reorders.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
-fn add_to_tile_avx2(first: usize, sums: &[Sums], weights: &Weights, values: &[[f64; 4]], rows: &mut [f32]) {
+fn add_to_tile_avx2<T: Rounded>(first: usize, sums: &[Sums], weights: &Weights, values: &[[f64; 4]], rows: &mut [T]) {
     add_to_tile_any(first, sums, weights, values, rows)
 }
 
 #[inline(always)]
-fn add_to_tile_any(first: usize, sums: &[Sums], weights: &Weights, values: &[[f64; 4]], rows: &mut [f32]) {
+fn add_to_tile_any<T: Rounded>(first: usize, sums: &[Sums], weights: &Weights, values: &[[f64; 4]], rows: &mut [T]) {
     let ((starts, from, by), unit) = (weights.arrays(), weights.unit());
     for ((rows, sums), first) in rows.chunks_mut(3 * GROUP).zip(sums).zip((first..).step_by(GROUP)) {
         for (lane, row) in rows.chunks_exact_mut(3).enumerate() {
@@ -145,7 +176,7 @@ fn add_to_tile_any(first: usize, sums: &[Sums], weights: &Weights, values: &[[f6
                 let (value, weight) = (&values[named(number)], signed(number, weight));
                 (0..4).for_each(|c| taken[c] += weight * value[c]);
             }
-            (0..3).for_each(|c| row[c] = (sums.0[c][lane] + unit * taken[c]) as f32);
+            (0..3).for_each(|c| row[c] = T::rounded(sums.0[c][lane] + unit * taken[c]));
         }
     }
 }
@@ -156,11 +187,11 @@ fn at(groups: &[Sums], row: usize) -> [f64; 3] {
 }
 
 /// Writes `sum(tile, row, row within the tile)` of every row, rounded once.
-fn each_row(matrix: &TransportMatrix, out: &mut [f32], sum: impl Fn(usize, usize, usize) -> [f64; 3] + Sync) {
+fn each_row<T: Rounded>(matrix: &TransportMatrix, out: &mut [T], sum: impl Fn(usize, usize, usize) -> [f64; 3] + Sync) {
     out.par_chunks_mut(3 * matrix.tile_rows.max(1)).enumerate().for_each(|(tile, rows)| {
         for (within, row) in rows.chunks_exact_mut(3).enumerate() {
             let sum = sum(tile, tile * matrix.tile_rows + within, within);
-            row.iter_mut().zip(sum).for_each(|(value, sum)| *value = sum as f32);
+            row.iter_mut().zip(sum).for_each(|(value, sum)| *value = T::rounded(sum));
         }
     });
 }

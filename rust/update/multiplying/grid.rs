@@ -17,7 +17,7 @@ use crate::transport::{Tile, TransportMatrix};
 /// Bits of an f64's significand.
 const SIGNIFICAND: i32 = 53;
 /// The finest and the coarsest spacing, far from where f64 itself ends.
-const SPACINGS: std::ops::RangeInclusive<i32> = -800..=800;
+pub(super) const SPACINGS: std::ops::RangeInclusive<i32> = -800..=800;
 /// Bits by which a follower's light may grow before its grid must be changed, which costs a whole product.
 pub(in crate::update) const HEADROOM: i32 = 6;
 /// A second stage's grid changes with the light's norm in steps of 2^4, and has room for what was and what is to be.
@@ -232,12 +232,12 @@ pub(in crate::update) fn above(x: f64) -> f64 {
 
 /// The nearest integer, ties to even, of any number.
 #[inline(always)]
-fn round(x: f64) -> f64 {
+pub(super) fn round(x: f64) -> f64 {
     if x.abs() < (1u64 << 51) as f64 { nearest_integer(x) } else { x.round_ties_even() }
 }
 
 /// The least e with x <= 2^e, for finite x >= 0; the finest spacing for zero.
-fn exponent_above(x: f64) -> i32 {
+pub(super) fn exponent_above(x: f64) -> i32 {
     let bits = x.to_bits();
     let exponent = ((bits >> 52) & 0x7ff) as i32 - 1023;
     let rounded_up = exponent + (bits & ((1 << 52) - 1) != 0) as i32;

@@ -1,5 +1,6 @@
 //! Multiplying: it sees M and what changes of V; it does not ask why.
 
+pub(in crate::update) mod adjoint;
 pub mod bound;
 pub(in crate::update) mod clustered;
 pub mod finish;

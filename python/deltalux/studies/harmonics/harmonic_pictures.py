@@ -76,7 +76,7 @@ def _applied(transport: Transport, view: HarmonicView, V: Light) -> list[NDArray
         chosen = Approximation(transport.columns, Nonlinear(terms))
         chosen.step(V)
         found.append(chosen.values)
-    return [haar_inverse(transport.columns.size, values) for values in (*found, V)]
+    return [haar_inverse(transport.columns.size, values).astype(np.float32) for values in (*found, V)]
 
 
 def moments_strip(sheet: Sheet, pictures: Pictures, tracks: Mapping[str, Track], moments: Mapping[int, str]) -> None:

@@ -23,6 +23,7 @@ mod columns;
 mod engine;
 mod portable;
 mod texels;
+pub(in crate::update::multiplying) mod transposed;
 
 pub use columns::{Batch, Move, Scratch, Sums, Target, batches};
 pub use engine::Engine;
