@@ -18,6 +18,7 @@ from ..columns.parse import checked
 from ..mistakes import near
 from ..scene.scene import Scene
 from ..surface.material import Lobe, encoded
+from ..transport.entry import TILE_ROWS
 from .between import Between, KnownNodes, Nodes, PlacedNodes
 from .factoring import Factored, factored
 from .lights import lights
@@ -259,6 +260,11 @@ class Prepared:
     def texels(self) -> bool:
         """Whether some columns are texels."""
         return isinstance(self.columns, Haar) and self.columns.texels
+
+    @property
+    def tiles(self) -> int:
+        """Tiles of all rows."""
+        return -(-self.count // TILE_ROWS)
 
     @property
     def bundles(self) -> int:
