@@ -13,6 +13,8 @@ from pathlib import Path
 
 import deltalux as dl
 import pytest
+from deltalux.light.motion import Motion
+from deltalux.studies import study
 from deltalux.tasks import completed, spawned
 from test_datasets import tree
 
@@ -121,6 +123,22 @@ def test_dask_leaves_the_same_bits_though_a_worker_is_killed(transport, alone, t
         assert tree(tmp_path / "data") == tree(alone / "data") and (tmp_path / "dead").exists()
         dl.precompute(LARGE, tmp_path / "a.transport", executor=executor, **TRACED)
     assert same_transport(alone / "large.transport", tmp_path / "a.transport")
+
+
+def test_a_study_s_chapters_are_done_by_others(tmp_path):
+    envs = [dl.Environment.builtin(name) for name in ("studio", "hall")]
+    given = {"motion": Motion(rotate=20.0, frames=8, hold=2), "columns": dl.Haar(4), "progress": False}
+    alone = study("energy", tmp_path / "alone", envs, **given)
+    # One thread: plots are drawn by one at a time.
+    with ThreadPoolExecutor(1) as executor:
+        others = study("energy", tmp_path / "others", envs, executor=executor, **given)
+    files = sorted(file.name for file in alone.parent.iterdir())
+    assert files == sorted(file.name for file in others.parent.iterdir()) and len(files) > 4
+    tables = [name for name in files if name.endswith(".csv")]
+    assert tables and all((alone.parent / name).read_bytes() == (others.parent / name).read_bytes() for name in tables)
+    # What follows says when it was made.
+    said, found = (page.read_text().partition("Machine and run")[0] for page in (alone, others))
+    assert said == found and said.index("studio") < said.index("hall")
 
 
 MPI = """
