@@ -3,11 +3,17 @@
 B = M V: M is ray traced once (`precompute`); V, the light, moves; a `Relighter` follows it within a budget a frame.
 """
 
+from importlib import import_module as _import_module
+from typing import Any as _Any
+
 from . import brdf as brdf
 from ._core import FileError, __version__, set_threads, threads
 from .brdf.family import Family
 from .camera import Camera
 from .columns import Haar, Lamps, SphericalHarmonics
+from .datasets.cameras import turntable
+from .datasets.lights import Layer, LightRecipe, LightRule
+from .datasets.run import Dataset, dataset
 from .edit import BrdfEditor, EditedFrame, NeedsPrecompute, StaleTransport, Studio, StudioFrame
 from .io import write
 from .light import sequences
@@ -45,6 +51,7 @@ __all__ = [
     "Choice",
     "Comparison",
     "CurveTransport",
+    "Dataset",
     "EditedFrame",
     "Environment",
     "Family",
@@ -55,7 +62,10 @@ __all__ = [
     "HarmonicOrder",
     "Incremental",
     "Lamps",
+    "Layer",
     "LightFit",
+    "LightRecipe",
+    "LightRule",
     "Linear",
     "Material",
     "Method",
@@ -78,6 +88,7 @@ __all__ = [
     "View",
     "__version__",
     "compare",
+    "dataset",
     "fit_light",
     "gradients",
     "plan",
@@ -88,6 +99,14 @@ __all__ = [
     "sequences",
     "set_threads",
     "threads",
+    "turntable",
     "view",
     "write",
 ]
+
+
+def __getattr__(name: str) -> _Any:
+    """`dl.torch`, which needs PyTorch, as it is asked for."""
+    if name == "torch":
+        return _import_module(".torch", __name__)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

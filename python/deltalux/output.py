@@ -16,7 +16,7 @@ try:
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
-__all__ = ["check_folder", "claim", "nearest", "slug", "write_csv"]
+__all__ = ["check_folder", "claim", "keep_out", "nearest", "slug", "write_csv"]
 
 # The names that a run of ours has written, one a line; whatever is not in it belongs to someone else.
 _LIST = ".deltalux-files"
@@ -68,7 +68,7 @@ def claim(folder: str | os.PathLike[str], names: Sequence[str]) -> Path:
     """
     path = check_folder(folder, names)
     path.mkdir(parents=True, exist_ok=True)
-    _lock(path)
+    keep_out(path)
     stale = _written(path) - set(names)
     (path / _LIST).write_text("".join(f"{name}\n" for name in names), encoding="utf-8")
     for name in stale:
@@ -76,8 +76,8 @@ def claim(folder: str | os.PathLike[str], names: Sequence[str]) -> Path:
     return path
 
 
-def _lock(path: Path) -> None:
-    """Keeps other processes out until this one ends; where the system has no such locks, nothing does."""
+def keep_out(path: Path) -> None:
+    """Keeps other processes out of a folder until this one ends; where the system has no such locks, nothing does."""
     if fcntl is None or path.absolute() in _LOCKS:
         return
     file = open(path / _LIST, "a", encoding="utf-8")  # noqa: SIM115, it stays open

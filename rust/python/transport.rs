@@ -482,6 +482,31 @@ impl Transport {
         out.into_pyarray(py).reshape([count, rows, 3])
     }
 
+    /// For (k, columns, 3) float64 what no colour of a receiver in the whole product of each is off by: (k,) float64.
+    fn bounds(&self, py: Python<'_>, lights: PyReadonlyArray3<'_, f64>) -> PyResult<Py<PyArray1<f64>>> {
+        let columns = self.shape().1;
+        if lights.shape()[1..] != [columns, 3] {
+            let found = lights.shape();
+            return Err(Error::input(format!("expected lights of shape (k, {columns}, 3), got {found:?}")).into());
+        }
+        let flat = lights.as_slice()?.to_vec();
+        let bounds = compute(py, || {
+            let lights: Vec<&[[f64; 3]]> = flat.chunks_exact(3 * columns).map(|light| light.as_chunks().0).collect();
+            self.chain.bounds(&lights)
+        })?;
+        let largest = bounds.into_iter().map(|bound| bound.into_iter().fold(0.0, f64::max));
+        Ok(largest.collect::<Vec<_>>().into_pyarray(py).unbind())
+    }
+
+    /// The receivers' own matrix without what nodes add to it, in memory: light that has not bounced.
+    fn direct(&self, py: Python<'_>) -> PyResult<Self> {
+        if self.product().then.is_some() || self.product().factors() != 1 {
+            return Err(Error::input("expected a transport of one stage, whose rows take direct light").into());
+        }
+        let matrix = Arc::clone(self.product().first.first());
+        compute(py, || Ok(Transport::of(matrix)))
+    }
+
     /// (threshold, expected relative L2 error, expected entries a group) for a tolerance, from the audit where there is
     /// one, else from all of M.
     #[pyo3(signature = (tolerance, *, width = None))]

@@ -54,6 +54,25 @@ impl TransportWriter {
         compute_on(py, &self.0, |writer| writer.as_mut().ok_or_else(finished_error)?.write_shard(part, number, &tiles))
     }
 
+    /// Writes a shard of a run that another process has begun with this `job` text at this path; returns the bytes written.
+    #[staticmethod]
+    fn deliver(
+        py: Python<'_>,
+        path: PathBuf,
+        job: String,
+        part: String,
+        number: usize,
+        tiles: Vec<Py<TileData>>,
+    ) -> PyResult<u64> {
+        let tiles: Vec<Tile> = tiles.iter().map(|tile| tile.get().0.clone()).collect();
+        compute(py, || Writer::deliver(&path, &job, &part, number, &tiles))
+    }
+
+    /// Takes in a shard that was delivered, after checking it.
+    fn adopt(&self, py: Python<'_>, part: &str, number: usize) -> PyResult<()> {
+        compute_on(py, &self.0, |writer| writer.as_mut().ok_or_else(finished_error)?.adopt(part, number))
+    }
+
     /// Writes the receivers, the audit and the manifest, checks everything, and puts the result in its place.
     ///
     /// parts: (name, columns, rows, channels, quantum, width, tile_rows) in the order of the chain, of which `first` are the

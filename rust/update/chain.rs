@@ -11,18 +11,19 @@ use crate::basis::haar::Haar;
 use crate::error::{Error, Result};
 use crate::transport::{Factors, GROUP, Link, Product, TransportMatrix};
 
-use super::change::whole;
-use super::multiplying::bound::{BandNorms, Bound};
+use super::multiplying::bound::{BandNorms, Bound, Measured, ROUNDING, largest_of_all};
 use super::multiplying::clustered::Clustered;
-use super::multiplying::finish::{Mix, Node, Rounded, add_nodes, write};
+use super::multiplying::finish::{Mix, Node, Rounded, Tiles, add_nodes, write};
 use super::multiplying::grid::{Grid, Span, above, light_norm};
 use super::multiplying::kernel::Sums;
 use super::multiplying::merged::merged;
-use super::multiplying::product::multiply;
-use super::multiplying::response::Response;
+use super::multiplying::product::{multiply, responses};
 
 /// Relative error of the f64 sums between two stages: far more than twenty levels of a tree can make.
 const BETWEEN: f64 = 1.0 / (1u64 << 45) as f64;
+
+/// Lights whose exact sums are held at once where something follows from them: 24 bytes a row and light.
+const TOGETHER: usize = 8;
 
 /// One or two stages, ready to be multiplied by. Nothing in it changes: any number of followers share one.
 pub struct Chain {
@@ -77,34 +78,84 @@ impl Chain {
             let (count, found) = (lights.len(), out.len());
             return Err(Error::input(format!("expected room for {count} x {rows} x 3 values, got {found}")));
         }
-        lights.iter().zip(out.chunks_mut(3 * rows)).try_for_each(|(light, out)| self.multiply_one(light, mix, out))
+        let mut several = lights.chunks(TOGETHER).zip(out.chunks_mut(3 * rows * TOGETHER));
+        several.try_for_each(|(lights, out)| self.multiply_together(lights, mix, out))
     }
 
-    fn multiply_one<T: Rounded>(&self, light: &[[f64; 3]], mix: Option<&Mix>, out: &mut [T]) -> Result<()> {
-        let columns = self.product.first.space().columns();
-        if light.len() != columns {
-            return Err(Error::input(format!("expected {columns} coefficients a light, got {}", light.len())));
-        }
-        let v = Grid::for_light(light_norm(light), self.span, 1)?.quantise_all(light);
-        let first = respond(&self.product.first, &v, self.span)?;
-        match &self.product.then {
-            None => self.finish(&first.iter().collect::<Vec<_>>(), mix, out),
-            Some(then) => {
-                let grid = self.second_grid(&v)?;
-                let second = match &self.product.link {
-                    Link::Representatives(_) => {
-                        let pairs = first.iter().zip(then.iter()).map(|(response, matrix)| {
-                            let v = grid.quantise_all(&self.second_light(response, 0, &v));
-                            respond_one(matrix, &v)
-                        });
-                        pairs.collect::<Result<Vec<_>>>()?
-                    }
-                    _ => respond(then, &grid.quantise_all(&self.second_light(&first[0], 0, &v)), self.then_span)?,
-                };
-                self.finish(&second.iter().collect::<Vec<_>>(), mix, out);
-            }
+    /// Lights share the first stage; what comes after it is each one's own.
+    fn multiply_together<T: Rounded>(&self, lights: &[&[[f64; 3]]], mix: Option<&Mix>, out: &mut [T]) -> Result<()> {
+        lights.iter().try_for_each(|light| self.check_light(light))?;
+        let gridded = |light: &&[[f64; 3]]| Ok(Grid::for_light(light_norm(light), self.span, 1)?.quantise_all(light));
+        let lights = lights.iter().map(gridded).collect::<Result<Vec<_>>>()?;
+        let first = respond(&self.product.first, &lights, self.span)?;
+        for (k, (v, out)) in lights.iter().zip(out.chunks_mut(3 * self.product.rows())).enumerate() {
+            let first: Vec<&Tiles> = first.iter().map(|of_factor| &of_factor[k][..]).collect();
+            self.follow(v, &first, mix, out)?;
         }
         Ok(())
+    }
+
+    /// From the first stage's exact responses to the light `v` to B.
+    fn follow<T: Rounded>(&self, v: &[[f64; 3]], first: &[&Tiles], mix: Option<&Mix>, out: &mut [T]) -> Result<()> {
+        let Some(then) = &self.product.then else {
+            self.finish(first, mix, out);
+            return Ok(());
+        };
+        let grid = self.second_grid(v)?;
+        let second = match &self.product.link {
+            Link::Representatives(_) => {
+                let pairs = first.iter().zip(then.iter()).map(|(response, matrix)| {
+                    let v = grid.quantise_all(&self.second_light(response, 0, v));
+                    responses(matrix, &[&v])
+                });
+                pairs.collect::<Result<Vec<_>>>()?
+            }
+            _ => respond(then, &[grid.quantise_all(&self.second_light(first[0], 0, v))], self.then_span)?,
+        };
+        self.finish(&second.iter().map(|of_factor| &of_factor[0][..]).collect::<Vec<_>>(), mix, out);
+        Ok(())
+    }
+
+    /// For each light what no receiver's red, green and blue of its whole product are off by, against untruncated
+    /// transport: truncation and rounding; infinite where B may be beyond what an f32 holds. Of one stage that nothing is
+    /// mixed in.
+    pub fn bounds(&self, lights: &[&[[f64; 3]]]) -> Result<Vec<[f64; 3]>> {
+        if self.product.then.is_some() || self.product.factors() != 1 {
+            return Err(Error::input(
+                "expected a transport of one stage for bounds of whole products; steps have their own",
+            ));
+        }
+        let first = &self.product.first;
+        let bounds: Vec<Bound> = first.iter().map(|matrix| Bound::new(matrix)).collect();
+        let haar = first.merged().map(Haar::shared).transpose()?;
+        let of_light = |light: &&[[f64; 3]]| {
+            self.check_light(light)?;
+            let v = Grid::for_light(light_norm(light), self.span, 1)?.quantise_all(light);
+            let measured = |matrix: &TransportMatrix| match haar {
+                Some(haar) if matrix.space != first.space() => {
+                    let (_, merged) = merged(haar, &v, self.span)?;
+                    Ok(Measured::new(&matrix.bands, &haar.without_texels(light), &merged))
+                }
+                _ => Ok(Measured::new(&matrix.bands, light, &v)),
+            };
+            let weights = match &self.product.link {
+                Link::Weights(weights) => vec![1.0, weights.largest_sum()],
+                _ => vec![1.0],
+            };
+            let each = first.iter().zip(&bounds).map(|(matrix, bound)| Ok(bound.largest(&measured(matrix)?)));
+            let all = largest_of_all(each.collect::<Result<Vec<_>>>()?.into_iter().zip(weights));
+            Ok(all.map(|bound| if bound < ROUNDING * f64::from(f32::MAX) { bound } else { f64::INFINITY }))
+        };
+        lights.iter().map(of_light).collect()
+    }
+
+    /// Refuses light of the wrong length.
+    fn check_light(&self, light: &[[f64; 3]]) -> Result<()> {
+        let columns = self.product.first.space().columns();
+        if light.len() == columns {
+            return Ok(());
+        }
+        Err(Error::input(format!("expected {columns} coefficients a light, got {}", light.len())))
     }
 
     /// The grid of the second stage for what is applied to the first.
@@ -113,7 +164,7 @@ impl Chain {
     }
 
     /// The V of the second stage, before it is rounded: from the exact response of the `factor`-th first matrix to `v`.
-    pub fn second_light(&self, response: &Response, factor: usize, v: &[[f64; 3]]) -> Vec<[f64; 3]> {
+    pub(in crate::update) fn second_light(&self, response: &Tiles, factor: usize, v: &[[f64; 3]]) -> Vec<[f64; 3]> {
         let matrix = self.product.first.as_slice()[factor].as_ref();
         let rows = sums_of_rows(matrix, response);
         let Link::Tree(tree) = &self.product.link else { return rows };
@@ -138,7 +189,7 @@ impl Chain {
     }
 
     /// From the responses of the last stage to B: mixed, or with what nodes add.
-    pub fn finish<T: Rounded>(&self, responses: &[&Response], mix: Option<&Mix>, out: &mut [T]) {
+    pub(in crate::update) fn finish<T: Rounded>(&self, responses: &[&Tiles], mix: Option<&Mix>, out: &mut [T]) {
         let matrix = self.product.outputs().first();
         match (&self.product.link, mix) {
             (Link::Weights(weights), _) => {
@@ -201,30 +252,29 @@ pub fn check_mix(product: &Product, mix: Option<&Mix>) -> Result<()> {
     }
 }
 
-/// The exact responses of all factors to one V, which lies on a grid.
-fn respond(factors: &Factors, v: &[[f64; 3]], span: Span) -> Result<Vec<Response>> {
+/// The exact responses of all factors to some V, which lie on a grid: `[factor][light]`.
+fn respond(factors: &Factors, lights: &[Vec<[f64; 3]>], span: Span) -> Result<Vec<Vec<Vec<Vec<Sums>>>>> {
     let wavelets = match factors.merged() {
-        Some(size) => Some(merged(Haar::shared(size)?, v, span)?.1),
+        Some(size) => {
+            let haar = Haar::shared(size)?;
+            Some(lights.iter().map(|v| Ok(merged(haar, v, span)?.1)).collect::<Result<Vec<_>>>()?)
+        }
         None => None,
     };
     let own = |matrix: &TransportMatrix| match &wavelets {
         Some(wavelets) if matrix.space != factors.space() => wavelets.as_slice(),
-        _ => v,
+        _ => lights,
     };
-    factors.iter().map(|matrix| respond_one(matrix, own(matrix))).collect()
-}
-
-fn respond_one(matrix: &TransportMatrix, v: &[[f64; 3]]) -> Result<Response> {
-    let mut response = Response::new(matrix);
-    response.apply(matrix, &whole(v), None)?;
-    Ok(response)
+    let of =
+        |matrix: &TransportMatrix| responses(matrix, &own(matrix).iter().map(|light| &light[..]).collect::<Vec<_>>());
+    factors.iter().map(|matrix| of(matrix)).collect()
 }
 
 /// The exact sums, row by row.
-fn sums_of_rows(matrix: &TransportMatrix, response: &Response) -> Vec<[f64; 3]> {
+fn sums_of_rows(matrix: &TransportMatrix, response: &Tiles) -> Vec<[f64; 3]> {
     // Group by group, into rows that are there.
     let mut rows = vec![[0.0; 3]; matrix.rows];
-    rows.par_chunks_mut(matrix.tile_rows.max(1)).zip(response.tiles()).for_each(|(rows, sums)| {
+    rows.par_chunks_mut(matrix.tile_rows.max(1)).zip(response).for_each(|(rows, sums)| {
         for (rows, Sums([red, green, blue])) in rows.chunks_mut(GROUP).zip(sums) {
             rows.iter_mut().enumerate().for_each(|(lane, row)| *row = [red[lane], green[lane], blue[lane]]);
         }

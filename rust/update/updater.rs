@@ -275,7 +275,7 @@ impl Updater {
         self.unsent.clear();
         for (factor, stage) in self.second.iter_mut().enumerate() {
             let output = self.first.outputs().nth(factor).expect("each second stage has its first");
-            let light = self.chain.second_light(output.response, factor, self.first.values());
+            let light = self.chain.second_light(output.response.tiles(), factor, self.first.values());
             stage.receive_on(grid, &light)?;
             let update = stage.choose(chosen)?;
             stage.multiply(&update, out.as_deref_mut())?;
@@ -300,7 +300,7 @@ impl Updater {
 
     /// Writes B from what has been applied.
     fn write(&self, out: &mut [f32]) {
-        let responses: Vec<_> = self.outputs().iter().map(|output| output.response).collect();
+        let responses: Vec<_> = self.outputs().iter().map(|output| output.response.tiles()).collect();
         self.chain.finish(&responses, self.mix.as_ref(), out);
     }
 

@@ -234,6 +234,12 @@ proptest! {
             let grid = Grid::for_light(light_norm(light), rows, 1).unwrap();
             prop_assert_eq!(bits(picture), rounded(&oracle(&case, &grid.quantise_all(light), grid)));
         }
+        let gridded = |light: &Light| Grid::for_light(light_norm(light), rows, 1).unwrap().quantise_all(light);
+        let gridded: Vec<Light> = lights.iter().map(gridded).collect();
+        let gridded: Vec<&[[f64; 3]]> = gridded.iter().map(|light| &light[..]).collect();
+        let mut portable = vec![f32::NAN; together.len()];
+        multiply_gridded(&case.matrix, &gridded, Engine::Portable, &mut portable).unwrap();
+        prop_assert_eq!(bits(&portable), bits(&together));
         for (x, y) in together.iter().zip(product(&scaled(-1.0))) {
             prop_assert_eq!(x + y, 0.0);
         }

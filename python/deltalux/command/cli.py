@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from .._core import __version__, set_threads
-from . import demo, edit, precompute, relight, render, report, study, view
+from . import dataset, demo, edit, precompute, relight, render, report, study, view
 from .arguments import Parser
 
 __all__ = ["main"]
@@ -75,6 +75,6 @@ def _parser() -> Parser:
     )
     parser.add_argument("--version", action="version", version=f"deltalux {__version__}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=Parser)
-    for command in (demo, edit, precompute, relight, render, report, study, view):
+    for command in (dataset, demo, edit, precompute, relight, render, report, study, view):
         command.add(commands)
     return parser

@@ -19,6 +19,7 @@ from ..mistakes import near
 from ..progress import SILENT
 from ..scene.scene import Scene
 from ..surface.material import Lobe, encoded
+from ..transport.entry import TILE_ROWS
 from .between import Between, KnownNodes, Nodes, PlacedNodes
 from .factoring import Factored, factored
 from .lights import lights
@@ -272,6 +273,11 @@ class Prepared:
     def texels(self) -> bool:
         """Whether some columns are texels."""
         return isinstance(self.columns, Haar) and self.columns.texels
+
+    @property
+    def tiles(self) -> int:
+        """Tiles of all rows."""
+        return -(-self.count // TILE_ROWS)
 
     @property
     def bundles(self) -> int:

@@ -6,8 +6,9 @@ import hashlib
 import json
 import os
 from collections.abc import Callable
-from contextlib import suppress
-from dataclasses import asdict, replace
+from concurrent.futures import Executor
+from contextlib import closing, suppress
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -19,13 +20,16 @@ from ..columns import Columns, parse
 from ..mistakes import checked_path, instead_of
 from ..progress import Progress, Reporter, reporter, steps
 from ..scene.scene import Scene
+from ..tasks import checked_executor, completed
 from ..transport.entry import TILE_ROWS, TILES_PER_SHARD
 from ..transport.plan import Part, Plan, Solve
 from ..transport.transport import Transport
 from .between import RESIDUAL, KnownNodes, between, linked
+from .errands import delivered, errand_of, hand_over
 from .planning import DIRECT, EMISSION, NODES, make_plan, renewed, said
 from .preparation import BUNDLE, COLUMNS, QUANTUM, Prepared, Request, surveyed_bundles
 from .room import check_folder_of, check_room
+from .tracing import traced_tile
 
 __all__ = ["Precomputation", "plan", "precompute"]
 
@@ -89,6 +93,7 @@ def precompute(
     refine: float | None = None,
     progress: bool | Progress = True,
     again: bool = False,
+    executor: Executor | None = None,
 ) -> Transport:
     """Ray traces the light transport of a scene into a directory, and opens it.
 
@@ -141,6 +146,10 @@ def precompute(
         True: a bar on standard error. A callable: progress(rows done, rows in all).
     again
         Whether a transport that is there already, of the same scene, settings and version, is computed anew.
+    executor
+        Who traces, shard by shard (32,768 rows), with the bits of a run alone: any of `concurrent.futures`, Dask's, or
+        MPI's, whose workers see the same files. A worker that dies costs its shard. What comes before and after, and
+        light between surfaces, is done here.
 
     Returns
     -------
@@ -163,7 +172,7 @@ def precompute(
     asked = between(bounces, residual, nodes)
     request = Request(columns, quality, tolerance, receivers, normals, asked, gloss, factors, refine)
     check_folder_of(Path(path))
-    return Precomputation(scene, request, progress=progress).run(path, again)
+    return Precomputation(scene, request, progress=progress).run(path, again, checked_executor(executor))
 
 
 class Precomputation:
@@ -229,12 +238,12 @@ class Precomputation:
             return transport if self._digest and transport.plan.job == self._digest else None
         return None
 
-    def run(self, path: str | os.PathLike[str], again: bool = False) -> Transport:
+    def run(self, path: str | os.PathLike[str], again: bool = False, executor: Executor | None = None) -> Transport:
         """Computes every part of the plan, and opens the result.
 
         Parameters
         ----------
-        path, again
+        path, again, executor
             As for `precompute`.
 
         Returns
@@ -251,6 +260,8 @@ class Precomputation:
         check_room(self.plan, Path(path))
         writer = TransportWriter(path, self._job)
         run = _Run(self._prepared, writer, self._tell, self.plan)
+        if executor is not None:
+            run.others = _Others(executor, os.path.abspath(path), self._job)
         for part in self.plan.parts:
             run.begin(part)
             _PASSES[part.make](run, part)
@@ -258,6 +269,15 @@ class Precomputation:
         transport = Transport.open(path)
         self._tell.say(run.summary())
         return transport
+
+
+@dataclass(frozen=True)
+class _Others:
+    """Who traces shards in this process's place, and of which run."""
+
+    executor: Executor
+    path: str
+    job: str
 
 
 class _Run:
@@ -274,6 +294,7 @@ class _Run:
         self.beside: dict[str, dict[str, np.ndarray]] = {}
         self.solve: Solve | None = None
         self.notes: list[str] = []
+        self.others: _Others | None = None
 
     def begin(self, part: Part) -> None:
         """The next part of the plan."""
@@ -293,14 +314,17 @@ class _Run:
             self.tell.say(f"{self.prepared.scene.name}: {cost}, {said(survey, self.prepared)}")
         threshold = survey.looked.threshold
         self.survey = survey
-        tiles = -(-count // TILE_ROWS)
         finished = set(self.writer.finished(part.name))
-        for shard in range(-(-tiles // TILES_PER_SHARD)):
-            numbers = range(shard * TILES_PER_SHARD, min((shard + 1) * TILES_PER_SHARD, tiles))
-            if shard not in finished:
+        missing = [shard for shard in range(-(-self.prepared.tiles // TILES_PER_SHARD)) if shard not in finished]
+        if self.others is None:
+            for shard in missing:
+                first = shard * TILES_PER_SHARD
+                numbers = range(first, min(first + TILES_PER_SHARD, self.prepared.tiles))
                 made = [self._tile(tile, threshold, looked, total) for tile in numbers]
                 self.writer.write_shard(part.name, shard, made)
-            self.tell(looked + min(numbers.stop * TILE_ROWS, count), total)
+        else:
+            self._handed_out(self.others, part, missing, threshold, looked)
+        self.tell(total, total)
         self.parts.append((part.name, part.columns, count, part.channels, QUANTUM, settings.width, TILE_ROWS))
         self.notes.append(f"truncated at {threshold:.3g}: {said(survey, self.prepared)}")
 
@@ -358,21 +382,25 @@ class _Run:
         self.beside["emission"] = arrays
 
     def _tile(self, tile: int, threshold: float, looked: int, total: int) -> TileData:
-        first = tile * TILE_ROWS
-
-        def tell(done: int) -> None:
-            self.tell(looked + first + done, total)
-
-        data, first_rays, edge_rays = self.prepared.direct.tile(
-            first,
-            min(TILE_ROWS, self.prepared.count - first),
-            threshold=threshold,
-            quantum=QUANTUM,
-            width=self.prepared.settings.width,
-            progress=tell,
+        data, rays = traced_tile(
+            self.prepared, tile, threshold, lambda done: self.tell(looked + tile * TILE_ROWS + done, total)
         )
-        self.rays += first_rays + edge_rays
+        self.rays += rays
         return data
+
+    def _handed_out(self, others: _Others, part: Part, shards: list[int], threshold: float, looked: int) -> None:
+        """Shards that others trace and deliver; what is told is how many have come."""
+        first = errand_of(others.path, others.job, self.prepared, part.name, threshold)
+        hand_over(others.job, self.prepared)
+        try:
+            errands = [replace(first, number=shard) for shard in shards]
+            with closing(completed(delivered, errands, others.executor)) as finished:
+                for done, (number, rays) in enumerate(finished, 1):
+                    self.writer.adopt(part.name, shards[number])
+                    self.rays += rays
+                    self.tell(looked + self.prepared.count * done // len(shards), looked + self.prepared.count)
+        finally:
+            hand_over(others.job, None)
 
     def summary(self) -> str:
         """What it took, and what came of it."""

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from concurrent.futures import Executor
+from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
 
 from ..columns import Haar
 from ..light.environment import Environment
 from ..light.motion import Motion
 from ..output import check_folder, claim, slug
-from ..progress import Progress, steps
+from ..progress import Progress, Reporter, reporter, steps
 from ..relight.entrants import own
 from ..scene.scene import Scene
+from ..tasks import checked_executor, completed
 from ..transport.transport import Transport
 from ..update.methods import Method
 from .case import Case
@@ -141,6 +145,7 @@ def study(
     columns: Haar | None = None,
     methods: Sequence[Method] = (),
     progress: bool | Progress = True,
+    executor: Executor | None = None,
 ) -> Path:
     """Runs one study of `STUDIES` and writes what it finds.
 
@@ -166,6 +171,9 @@ def study(
         Methods of one's own that take part, in studies that compare methods.
     progress
         True: a bar on standard error. A callable: progress(done, total), for each chapter anew.
+    executor
+        Who does the chapters, each a task: processes of `concurrent.futures`, Dask's or MPI's, whose workers see the
+        same files. What is told is then how many are done.
 
     Returns
     -------
@@ -183,8 +191,38 @@ def study(
     chosen = STUDIES[name]
     names = _names(chosen, chapters)
     sheet = Sheet(claim(folder, names), chosen.title, chosen.intro, names)
+    if checked_executor(executor) is not None:
+        tasks = [_Chapter(name, Path(folder).absolute(), names, chapter, case) for chapter, case in chapters]
+        tell, found = reporter(progress, name), {}
+        with closing(completed(_alone, tasks, executor)) as finished:
+            for number, own in finished:
+                found[number] = own
+                tell(len(found), len(tasks))
+        for number in range(len(tasks)):
+            sheet.append(found[number])
+        return sheet.save()
     step_of = steps(progress, name, len(chapters))
     for chapter, case in chapters:
         sheet.chapter(chapter, case.name)
         chosen.run(case, sheet, step_of(case.name))
     return sheet.save()
+
+
+@dataclass(frozen=True, eq=False)
+class _Chapter:
+    """A chapter as a task: which study, where its files go, and what it looks at."""
+
+    study: str
+    folder: Path
+    names: Sequence[str]
+    chapter: str
+    case: Case
+
+
+def _alone(task: _Chapter) -> Sheet:
+    """A chapter on a sheet of its own."""
+    chosen = STUDIES[task.study]
+    sheet = Sheet(task.folder, chosen.title, chosen.intro, task.names)
+    sheet.chapter(task.chapter, task.case.name)
+    chosen.run(task.case, sheet, Reporter())
+    return sheet

@@ -16,6 +16,8 @@ from ..pages.verdict import MARKS, Verdict, summed
 __all__ = ["Sheet"]
 
 PAGE = "index.html"
+_OPENING = 2
+"""Parts of a page before its first chapter."""
 
 
 class Sheet:
@@ -37,6 +39,11 @@ class Sheet:
         """What follows is about this case."""
         self._chapter, self._title = slug, title
         self._page.heading(title, anchor=slug)
+
+    def append(self, other: Sheet) -> None:
+        """Takes over what a sheet of its own holds of another chapter."""
+        self._page.parts += other._page.parts[_OPENING:]
+        self._claims += other._claims
 
     def heading(self, text: str) -> None:
         self._page.heading(text, 3)

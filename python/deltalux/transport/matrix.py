@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from functools import cached_property
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
@@ -11,7 +13,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from .._core import Transport as CoreTransport
 from ..columns.inner import AnyColumns, parse_any
-from ..mistakes import described
+from ..mistakes import checked_path, described
 
 if TYPE_CHECKING:
     import scipy.sparse
@@ -153,6 +155,26 @@ class Matrix:
         product = self._core.adjoint(batch, None if mix is None else self.mixed(mix))
         return product[0] if single else product
 
+    def bounds(self, V: ArrayLike) -> NDArray[np.float64]:
+        """How far whole products can be from those of untruncated transport, as `Frame.bound` says it of frames.
+
+        Parameters
+        ----------
+        V
+            (k, columns, 3): k lights.
+
+        Returns
+        -------
+        (k,) float64
+            Of each the most that any value of any row of B is off; infinite where B may be beyond float32.
+
+        Raises
+        ------
+        ValueError
+            If the shape is wrong, a coefficient is not finite, or the transport has two stages or several factors.
+        """
+        return self._core.bounds(np.ascontiguousarray(V, np.float64))
+
     def mixed(self, mix: ArrayLike) -> NDArray[np.float32]:
         """Weights of a mix as the core takes them.
 
@@ -251,6 +273,39 @@ class Matrix:
             raise IndexError(f"expected a channel from 0 to {self.channels - 1}, got {channel}")
         indptr, indices, data = self._core.to_csr(channel)
         return scipy.sparse.csr_matrix((data, indices, indptr), shape=self.shape)
+
+    def to_zarr(self, path: str | os.PathLike[str]) -> None:
+        """Writes a copy of M for other programs: a group in zarr's format, version 3.
+
+        For each channel it has the arrays of scipy's CSR, ``indptr``, ``indices`` and ``data``, in a group of the
+        channel's number; attributes say ``shape``, ``channels`` and ``columns``.
+
+        Parameters
+        ----------
+        path
+            Directory to make, by custom ``NAME.zarr``.
+
+        Raises
+        ------
+        ValueError
+            If zarr is missing, or the transport has several parts.
+        FileExistsError
+            If something is there.
+        """
+        if find_spec("zarr") is None:
+            raise ValueError("expected zarr to write one: pip install 'deltalux[arrays]'")
+        import zarr
+
+        checked_path(path)
+        if os.path.exists(path):
+            raise FileExistsError(f"{os.fspath(path)}: expected nothing there, as a copy is never written over")
+        copies = [self._core.to_csr(channel) for channel in range(self.channels)]
+        group = zarr.open_group(os.fspath(path), mode="w-", zarr_format=3)
+        group.attrs.update({"shape": list(self.shape), "channels": self.channels, "columns": str(self.columns)})
+        for channel, arrays in enumerate(copies):
+            own = group.create_group(str(channel))
+            for name, array in zip(("indptr", "indices", "data"), arrays, strict=True):
+                own.create_array(name, data=np.asarray(array))
 
     # What scipy asks of a linear operator: `scipy.sparse.linalg.aslinearoperator(transport)` takes these.
     dtype = np.dtype(np.float64)

@@ -8,7 +8,7 @@ import os
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -168,6 +168,19 @@ class Transport(Matrix):
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Transport:
         return self
+
+    @cached_property
+    def direct(self) -> Matrix:
+        """M without what light between surfaces adds to its rows: the same columns and rows, in memory; ValueError of
+        two stages."""
+        return Matrix(self._core.direct())
+
+    @property
+    def digest(self) -> str:
+        """What tells this transport from any other, bit for bit; ValueError where it is in memory only."""
+        if self._path is None:
+            raise ValueError("expected a transport in a file, but this one is in memory only")
+        return _content(self._path)
 
     @property
     def factors(self) -> int:
@@ -785,7 +798,12 @@ def _content(path: Path) -> str:
 
 def _reopened(path: str, content: str) -> Transport:
     """A pickled transport, where it still is what was pickled."""
-    transport = Transport(path)
     if _content(Path(path)) != content:
         raise FileError(f"{path}: expected the transport that was pickled, found another one")
-    return transport
+    return _kept_open(path, content)
+
+
+@lru_cache(maxsize=4)
+def _kept_open(path: str, content: str) -> Transport:
+    """Open for the next task of a worker as well; `content` tells it from what was there before."""
+    return Transport(path)

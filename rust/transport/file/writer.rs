@@ -34,6 +34,8 @@ const JOB: &str = "job.json";
 const LOCK: &str = "lock";
 /// A job is a page of text.
 const MAX_JOB: u64 = 16 << 20;
+/// A record is a name, a size and a checksum.
+const MAX_RECORD: u64 = 4096;
 
 /// One matrix of a transport, before its tiles are there.
 #[derive(Clone, Debug)]
@@ -127,23 +129,32 @@ impl Writer {
 
     /// Writes tiles `4 shard ..` of a part; returns the bytes written. A shard that exists is replaced.
     pub fn write_shard(&mut self, part: &str, shard: usize, tiles: &[Tile]) -> Result<u64> {
-        if !is_part_name(part) {
-            return Err(Error::input(format!("expected the name of a part, of a-z, 0-9 and _, got {part:?}")));
-        }
-        if tiles.is_empty() || tiles.len() > TILES_PER_SHARD || shard > u32::MAX as usize {
-            let count = tiles.len();
-            return Err(Error::input(format!(
-                "expected 1 to {TILES_PER_SHARD} tiles of a shard below 2^32, got {count} of shard {shard}"
-            )));
-        }
-        let numbered = tiles.iter().enumerate();
-        let tensors = numbered.flat_map(|(k, tile)| tensors(&format!("{:05}", shard * TILES_PER_SHARD + k), tile));
-        let entry = write_tensors(&self.partial, &shard_name(part, shard), tensors.collect())?;
-        let record = serde_json::to_vec(&entry).map_err(|error| Error::input(error.to_string()))?;
-        write_file(&self.partial, &record_name(part, shard), std::iter::once(&record[..]))?;
+        let entry = put_shard(&self.partial, part, shard, tiles)?;
         let bytes = entry.bytes;
         self.shards.insert((part.to_owned(), shard), entry);
         Ok(bytes)
+    }
+
+    /// Writes a shard of a run that another process has begun, on this machine or on another that sees the same files;
+    /// that run `adopt`s it. Refuses where no run of this job is there.
+    pub fn deliver(path: &Path, job: &str, part: &str, shard: usize, tiles: &[Tile]) -> Result<u64> {
+        let (_, partial) = Self::check(path)?;
+        if !read_small(&partial.join(JOB), MAX_JOB).is_ok_and(|text| text == job.as_bytes()) {
+            let place = partial.display();
+            return Err(Error::input(format!("{place}: expected the run that asked for this shard, found none of it")));
+        }
+        Ok(put_shard(&partial, part, shard, tiles)?.bytes)
+    }
+
+    /// Takes in a shard that was delivered, checked as one that an earlier run has left.
+    pub fn adopt(&mut self, part: &str, shard: usize) -> Result<()> {
+        let record = read_small(&self.partial.join(record_name(part, shard)), MAX_RECORD)?;
+        let entry = intact(&self.partial, part, shard, &record).ok_or_else(|| {
+            let place = self.partial.display();
+            Error::input(format!("{place}: expected shard {shard} of {part} as it was delivered, found it altered"))
+        })?;
+        self.shards.insert((part.to_owned(), shard), entry);
+        Ok(())
     }
 
     /// Completes the run: receivers, link, audit, what lies beside, manifest, a full check of everything as a reader would see it, and
@@ -358,16 +369,38 @@ fn lock(partial: &Path) -> Result<File> {
     }
 }
 
+/// A shard's file and then its record: what has a record is whole.
+fn put_shard(partial: &Path, part: &str, shard: usize, tiles: &[Tile]) -> Result<FileEntry> {
+    if !is_part_name(part) {
+        return Err(Error::input(format!("expected the name of a part, of a-z, 0-9 and _, got {part:?}")));
+    }
+    if tiles.is_empty() || tiles.len() > TILES_PER_SHARD || shard > u32::MAX as usize {
+        let count = tiles.len();
+        return Err(Error::input(format!(
+            "expected 1 to {TILES_PER_SHARD} tiles of a shard below 2^32, got {count} of shard {shard}"
+        )));
+    }
+    let numbered = tiles.iter().enumerate();
+    let tensors = numbered.flat_map(|(k, tile)| tensors(&format!("{:05}", shard * TILES_PER_SHARD + k), tile));
+    let entry = write_tensors(partial, &shard_name(part, shard), tensors.collect())?;
+    let record = serde_json::to_vec(&entry).map_err(|error| Error::input(error.to_string()))?;
+    write_file(partial, &record_name(part, shard), std::iter::once(&record[..]))?;
+    Ok(entry)
+}
+
+/// What a record says of a shard, where the shard's file agrees.
+fn intact(partial: &Path, part: &str, shard: usize, record: &[u8]) -> Option<FileEntry> {
+    let entry = serde_json::from_slice::<FileEntry>(record).ok()?;
+    (entry.name == shard_name(part, shard) && is_intact(partial, &entry)).then_some(entry)
+}
+
 /// Shards whose record and file agree; what does not is removed, with whatever a killed run left half-written.
 fn finished_shards(partial: &Path) -> Result<BTreeMap<(String, usize), FileEntry>> {
     let mut shards = BTreeMap::new();
     for name in names(partial)?.unwrap_or_default() {
         let Some((part, shard, "json")) = parse_shard(&name) else { continue };
-        let record = read_small(&partial.join(&name), 4096)?;
-        if let Ok(entry) = serde_json::from_slice::<FileEntry>(&record)
-            && entry.name == shard_name(part, shard)
-            && is_intact(partial, &entry)
-        {
+        let record = read_small(&partial.join(&name), MAX_RECORD)?;
+        if let Some(entry) = intact(partial, part, shard, &record) {
             shards.insert((part.to_owned(), shard), entry);
         }
     }

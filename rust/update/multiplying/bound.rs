@@ -26,7 +26,7 @@ use super::grid::{above, norm_of_squares, squares};
 pub type BandNorms = Vec<[f64; 3]>;
 
 /// Half a unit in the last place of an f32, relative; and of the smallest, absolute.
-pub(super) const ROUNDING: f64 = 1.0 / (1u64 << 24) as f64;
+pub(in crate::update) const ROUNDING: f64 = 1.0 / (1u64 << 24) as f64;
 pub(super) const SMALLEST: f64 = f32::MIN_POSITIVE as f64 * ROUNDING;
 
 /// What a bound needs to know of the light and of what has been applied of it.

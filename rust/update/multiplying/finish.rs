@@ -8,7 +8,9 @@ use crate::transport::weights::{Weights, named, signed};
 use crate::transport::{GROUP, TransportMatrix};
 
 use super::kernel::Sums;
-use super::response::Response;
+
+/// The exact sums of a matrix's rows, tile by tile, group by group.
+pub(in crate::update) type Tiles = [Vec<Sums>];
 
 /// What B is rounded to, once.
 pub trait Rounded: Copy + Send {
@@ -98,13 +100,13 @@ impl Mix {
     pub(in crate::update) fn write<T: Rounded>(
         &self,
         matrix: &TransportMatrix,
-        responses: &[&Response],
+        responses: &[&Tiles],
         out: &mut [T],
     ) {
         each_row(matrix, out, |tile, row, within| {
             let mut sum = [0.0; 3];
             for (response, &weight) in responses.iter().zip(self.row(row)) {
-                let lanes = &response.tiles()[tile][within / GROUP].0;
+                let lanes = &response[tile][within / GROUP].0;
                 (0..3).for_each(|c| sum[c] += f64::from(weight) * lanes[c][within % GROUP]);
             }
             sum
@@ -113,15 +115,15 @@ impl Mix {
 }
 
 /// B as it is.
-pub(in crate::update) fn write<T: Rounded>(matrix: &TransportMatrix, response: &Response, out: &mut [T]) {
-    each_row(matrix, out, |tile, _, within| at(&response.tiles()[tile], within));
+pub(in crate::update) fn write<T: Rounded>(matrix: &TransportMatrix, response: &Tiles, out: &mut [T]) {
+    each_row(matrix, out, |tile, _, within| at(&response[tile], within));
 }
 
 /// The nodes' response.
 #[derive(Clone, Copy)]
 pub(in crate::update) struct Node<'a> {
     /// The exact sums of all nodes.
-    pub response: &'a Response,
+    pub response: &'a Tiles,
     /// Nodes of every tile but the last.
     pub tile_rows: usize,
 }
@@ -129,22 +131,22 @@ pub(in crate::update) struct Node<'a> {
 /// B_x = B_x + sum_n w_xn B_n.
 pub(in crate::update) fn add_nodes<T: Rounded>(
     matrix: &TransportMatrix,
-    receivers: &Response,
+    receivers: &Tiles,
     weights: &Weights,
     nodes: Node,
     out: &mut [T],
 ) {
     // PERF: one node after the other, and a lane more than there are colours: a node is one load.
-    let rows: usize = nodes.response.tiles().iter().map(|sums| GROUP * sums.len()).sum();
+    let rows: usize = nodes.response.iter().map(|sums| GROUP * sums.len()).sum();
     let mut values = vec![[0.0; 4]; rows.next_multiple_of(nodes.tile_rows)];
-    for (values, sums) in values.chunks_mut(nodes.tile_rows).zip(nodes.response.tiles()) {
+    for (values, sums) in values.chunks_mut(nodes.tile_rows).zip(nodes.response) {
         for (values, Sums([red, green, blue])) in values.chunks_mut(GROUP).zip(sums) {
             for (lane, value) in values.iter_mut().enumerate() {
                 *value = [red[lane], green[lane], blue[lane], 0.0];
             }
         }
     }
-    let tiles = out.par_chunks_mut(3 * matrix.tile_rows.max(1)).zip(receivers.tiles()).enumerate();
+    let tiles = out.par_chunks_mut(3 * matrix.tile_rows.max(1)).zip(receivers).enumerate();
     tiles.for_each(|(tile, (rows, sums))| add_to_tile(tile * matrix.tile_rows, sums, weights, &values, rows));
 }
 

@@ -5,6 +5,7 @@ use std::ops::Range;
 
 use super::columns::{Columns, Integer, Item, MARKED, Marks, Move, POWERS, Sorted, Spread, Sums, Target};
 use super::portable;
+use super::together::{self, Lights};
 use crate::transport::entry::{GROUP, GROUP_BITS};
 
 /// A group's sums in registers: `[colour][quarter]`.
@@ -64,6 +65,74 @@ pub(super) unsafe fn walk_sorted<T: Integer, const C: usize>(
         }
         publish_to(&mut target.out, group, sums);
     }
+}
+
+/// # Safety
+/// `available()`.
+#[target_feature(enable = "avx2,fma,bmi1")]
+pub(super) unsafe fn walk_together<T: Integer, const C: usize>(
+    columns: &Columns<'_, T, C>,
+    sorted: &mut Sorted,
+    lights: Lights<'_>,
+) {
+    let fill = |items: &[Item], from: usize, block: &mut [[[f64; GROUP]; C]]| fill_block(columns, items, from, block);
+    let add = |sums: &mut Sums, block: &[[[f64; GROUP]; C]], items: &[Item], changes: &[[f64; 3]], lights: usize| {
+        add_block(sums, block, items, changes, lights)
+    };
+    together::walk(columns, sorted, lights, fill, add);
+}
+
+/// The numbers of the entries from a place of a list on; those that follow belong to the next blocks, and are fetched.
+#[inline(never)]
+#[target_feature(enable = "avx2,fma,bmi1")]
+fn fill_block<T: Integer, const C: usize>(
+    columns: &Columns<'_, T, C>,
+    items: &[Item],
+    from: usize,
+    block: &mut [[[f64; GROUP]; C]],
+) {
+    for (k, values) in block.iter_mut().enumerate() {
+        let entry = items[from + k].entry as usize;
+        if let Some(later) = items.get(from + k + AHEAD) {
+            fetch(columns.entries.as_ptr().wrapping_add(later.entry as usize));
+            fetch(columns.words.as_ptr().wrapping_add(later.entry as usize));
+        }
+        let power = _mm256_set1_pd(POWERS[(columns.words[entry] >> GROUP_BITS) as usize]);
+        for (values, lanes) in values.iter_mut().zip(&columns.entries[entry]) {
+            for quarter in 0..4 {
+                // SAFETY: the features are those of this function, and a quarter is four of sixteen lanes.
+                unsafe {
+                    let four = _mm256_mul_pd(T::four(lanes, 4 * quarter), power);
+                    _mm256_storeu_pd(values.as_mut_ptr().add(4 * quarter), four);
+                }
+            }
+        }
+    }
+}
+
+/// Adds numbers that are worked out, times the change of each: every `lights`-th of `changes`.
+#[inline(never)]
+#[target_feature(enable = "avx2,fma,bmi1")]
+fn add_block<const C: usize>(
+    sums: &mut Sums,
+    block: &[[[f64; GROUP]; C]],
+    items: &[Item],
+    changes: &[[f64; 3]],
+    lights: usize,
+) {
+    let mut registers = load(sums);
+    for (values, item) in block.iter().zip(items) {
+        let change = changes[item.moved as usize * lights].map(|x| _mm256_set1_pd(x));
+        let [red, green, blue] = &mut registers;
+        for (k, ((red, green), blue)) in red.iter_mut().zip(green).zip(blue).enumerate() {
+            // SAFETY: a quarter is four neighbouring lanes of sixteen.
+            let four = |channel: usize| unsafe { _mm256_loadu_pd(values[channel % C].as_ptr().add(4 * k)) };
+            *red = _mm256_fmadd_pd(four(0), change[0], *red);
+            *green = _mm256_fmadd_pd(four(1), change[1], *green);
+            *blue = _mm256_fmadd_pd(four(2), change[2], *blue);
+        }
+    }
+    store(sums, &registers);
 }
 
 /// A hint that the cache line at `place` will be read; `place` need not be valid.

@@ -6,6 +6,7 @@ use crate::transport::tile::{Tile, Values};
 #[cfg(target_arch = "x86_64")]
 use super::avx2;
 use super::columns::{Batch, Columns, Integer, Move, Read, Scratch, Target};
+use super::together::Lights;
 use super::{portable, texels};
 
 /// One batch and where it goes.
@@ -48,6 +49,41 @@ impl Engine {
             (Values::I16(values), Channels::One) => self.walk_columns::<i16, 1>(bytemuck::cast_slice(values), work),
             (Values::I16(values), Channels::Three) => self.walk_columns::<i16, 3>(bytemuck::cast_slice(values), work),
         }
+    }
+
+    /// Adds the stored columns of several lights, all of them at once.
+    pub fn walk_together(self, tile: &Tile, scratch: &mut Scratch, lights: Lights<'_>) {
+        debug_assert!(lights.changes.len() == lights.moves.len() * lights.sums.len());
+        match (&tile.values, tile.channels) {
+            (Values::I8(values), Channels::One) => {
+                self.columns_together::<i8, 1>(bytemuck::cast_slice(values), tile, scratch, lights)
+            }
+            (Values::I8(values), Channels::Three) => {
+                self.columns_together::<i8, 3>(bytemuck::cast_slice(values), tile, scratch, lights)
+            }
+            (Values::I16(values), Channels::One) => {
+                self.columns_together::<i16, 1>(bytemuck::cast_slice(values), tile, scratch, lights)
+            }
+            (Values::I16(values), Channels::Three) => {
+                self.columns_together::<i16, 3>(bytemuck::cast_slice(values), tile, scratch, lights)
+            }
+        }
+    }
+
+    fn columns_together<T: Integer, const C: usize>(
+        self,
+        entries: &[[[T; GROUP]; C]],
+        tile: &Tile,
+        scratch: &mut Scratch,
+        lights: Lights<'_>,
+    ) {
+        let columns = Columns { starts: &tile.starts, words: &tile.words, entries };
+        #[cfg(target_arch = "x86_64")]
+        if self == Engine::Native && avx2::available() {
+            // SAFETY: the processor has what the code needs.
+            return unsafe { avx2::walk_together(&columns, &mut scratch.sorted, lights) };
+        }
+        portable::walk_together(&columns, &mut scratch.sorted, lights)
     }
 
     fn walk_columns<T: Integer, const C: usize>(self, entries: &[[[T; GROUP]; C]], work: Work<'_>) {

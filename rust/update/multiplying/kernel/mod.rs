@@ -8,8 +8,9 @@
 //!
 //! Measured beside the f32 AVX2 prototype, which adds entry by entry into sums in cache, interleaved on one machine
 //! (`benches/multiply.rs`): 1.2 to 1.4 times its time for a frame, 1.2 to 1.6 times for the whole product.
+//! Several lights go through a tile together, all of its entries sorted by group (`together.rs`).
 //! Tried and dropped: walks of 256 moves at once (their streams evict each other); images of bands
-//! (`multiplying/response.rs`); four lights of a batch that share each entry and its conversion, four rows at a time (7 to 14 %
+//! (`multiplying/response.rs`); four lights that share each entry of a batch of 64 columns, four rows at a time (7 to 14 %
 //! of a batch's time: half of its entries lie in columns too empty for it).
 //!
 //! Texel columns have no entries: their walk makes them anew from bits and normals (`texels.rs`).
@@ -23,7 +24,9 @@ mod columns;
 mod engine;
 mod portable;
 mod texels;
+mod together;
 pub(in crate::update::multiplying) mod transposed;
 
 pub use columns::{Batch, Move, Scratch, Sums, Target, batches};
 pub use engine::Engine;
+pub use together::Lights;

@@ -1,6 +1,7 @@
 //! The walk in plain Rust: for other processors, and the check of the vector code.
 
-use super::columns::{Columns, Integer, Marks, Move, POWERS, Sorted, Sums, Target};
+use super::columns::{Columns, Integer, Item, Marks, Move, POWERS, Sorted, Sums, Target};
+use super::together::{self, Lights};
 use crate::transport::entry::{GROUP, GROUP_BITS};
 
 /// Adds a batch of at most 64 moves, found by their marks.
@@ -38,6 +39,31 @@ pub(super) fn walk_sorted<T: Integer, const C: usize>(
     });
 }
 
+/// Adds the columns of several lights.
+pub(super) fn walk_together<T: Integer, const C: usize>(
+    columns: &Columns<'_, T, C>,
+    sorted: &mut Sorted,
+    lights: Lights<'_>,
+) {
+    let fill = |items: &[Item], from: usize, block: &mut [[[f64; GROUP]; C]]| {
+        for (values, item) in block.iter_mut().zip(&items[from..]) {
+            let (entry, power) = (item.entry as usize, power_of(columns.words[item.entry as usize]));
+            for (values, lanes) in values.iter_mut().zip(&columns.entries[entry]) {
+                values.iter_mut().zip(lanes).for_each(|(value, &lane)| *value = lane.into() * power);
+            }
+        }
+    };
+    let add = |sums: &mut Sums, block: &[[[f64; GROUP]; C]], items: &[Item], changes: &[[f64; 3]], lights: usize| {
+        for (values, item) in block.iter().zip(items) {
+            let change = changes[item.moved as usize * lights];
+            for (colour, (sums, change)) in sums.0.iter_mut().zip(change).enumerate() {
+                sums.iter_mut().zip(&values[colour % C]).for_each(|(sum, value)| *sum += value * change);
+            }
+        }
+    };
+    together::walk(columns, sorted, lights, fill, add);
+}
+
 fn walk(mut target: Target<'_>, mut add_group: impl FnMut(usize, &mut Sums)) {
     for (group, sums) in target.sums.iter_mut().enumerate() {
         if target.afresh {
@@ -51,12 +77,18 @@ fn walk(mut target: Target<'_>, mut add_group: impl FnMut(usize, &mut Sums)) {
 }
 
 fn add<T: Integer, const C: usize>(sums: &mut Sums, columns: &Columns<'_, T, C>, moved: &Move, entry: usize) {
-    let power = POWERS[(columns.words[entry] >> GROUP_BITS) as usize];
+    let power = power_of(columns.words[entry]);
     for (colour, (sums, change)) in sums.0.iter_mut().zip(moved.change).enumerate() {
         for (sum, &value) in sums.iter_mut().zip(&columns.entries[entry][colour % C]) {
             *sum += value.into() * (change * power);
         }
     }
+}
+
+/// 2^shift of an entry's word.
+#[inline(always)]
+fn power_of(word: u16) -> f64 {
+    POWERS[(word >> GROUP_BITS) as usize]
 }
 
 /// Rounds a group's sums, once, into rows of red, green, blue; `out` may end inside the group.

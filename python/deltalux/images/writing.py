@@ -1,0 +1,122 @@
+"""Pixels into a file by OpenImageIO, as they are: nothing is renamed, and nothing forced to the disk."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .oiio import library, reason
+
+__all__ = ["FAST", "LEVELS", "write_parts", "write_pixels"]
+
+LEVELS = range(10)
+"""Of compression: 0 is none, 9 the slowest. All are lossless."""
+FAST = 1
+"""Written in half the time of the libraries' own level or less, and hardly larger. Measured at 512 x 512, ms and kB:
+PNG 18 and 223 (level 6: 71 and 184); EXR 34 and 3,008 (46 and 3,003), in half floats 14 and 751 (19 and 722)."""
+
+_SMALL = 1 << 20
+"""Numbers."""
+_AVERAGE = 64
+"""The one filter of PNG that is tried: all five take twice the time, and save 1 %."""
+
+
+def write_pixels(
+    path: Path,
+    pixels: NDArray[Any],
+    number: str,
+    attributes: Mapping[str, Any] | None = None,
+    *,
+    level: int = FAST,
+    target: Path | None = None,
+) -> None:
+    """Writes a picture.
+
+    Parameters
+    ----------
+    path
+        Of the file; its ending chooses the format.
+    pixels
+        (h, w, c), contiguous, of a type that the format holds.
+    number
+        What the file holds: "uint8", "uint16", "half" or "float".
+    attributes
+        Strings, integers and floats to be kept in the file (EXR).
+    level
+        Of compression, one of `LEVELS`.
+    target
+        What errors call the file, where it is to be renamed.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+    """
+    oiio = library()
+    height, width, channels = pixels.shape
+    spec = oiio.ImageSpec(width, height, channels, number)
+    # A picture this small is compressed before threads have begun (1.3 instead of 1.8 ms at 128 x 128).
+    oiio.attribute("threads", 1 if pixels.size < _SMALL else 0)
+    spec.attribute("png:compressionLevel", level)
+    spec.attribute("png:filter", _AVERAGE)
+    spec.attribute("compression", f"zip:{level}" if level else "none")
+    display = pixels.dtype.kind == "u"
+    if display:
+        # Straight already: what is not said to be is divided by alpha once more.
+        spec.attribute("oiio:UnassociatedAlpha", 1)
+    spec.attribute("oiio:ColorSpace", "srgb_rec709_scene" if display else "lin_rec709_scene")
+    for key, value in (attributes or {}).items():
+        spec.attribute(key, value)
+    _write(path, [(spec, pixels)], target or path)
+
+
+def write_parts(path: Path, parts: Sequence[tuple[str, Sequence[str], NDArray[Any], str]], *, target: Path) -> None:
+    """Writes a file of several parts.
+
+    Parameters
+    ----------
+    path
+        Of the file, ``.exr``.
+    parts
+        Of each its name, those of its channels, pixels (h, w, channels), and "float" or "half".
+    target
+        What errors call the file.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written.
+    """
+    images = []
+    for name, channels, pixels, number in parts:
+        height, width = pixels.shape[:2]
+        spec = library().ImageSpec(width, height, len(channels), number)
+        spec.channelnames = tuple(channels)
+        spec.attribute("compression", f"zip:{FAST}")
+        spec.attribute("oiio:subimagename", name)
+        spec.attribute("oiio:ColorSpace", "lin_rec709_scene")
+        spec.attribute("software", "deltalux")
+        images.append((spec, np.ascontiguousarray(pixels, np.float32)))
+    _write(path, images, target)
+
+
+def _write(path: Path, images: Sequence[tuple[Any, NDArray[Any]]], name: Path) -> None:
+    """Pixels after pixels into one file."""
+    oiio = library()
+    with open(path, "wb"):
+        pass  # As for reading: the system's own reason.
+    writer = oiio.ImageOutput.create(str(path))
+    specs = [spec for spec, _ in images]
+    if writer is None or not writer.open(str(path), specs[0] if len(specs) == 1 else specs):
+        raise OSError(f"{name}: cannot be written ({reason(writer.geterror() if writer else oiio.geterror())})")
+    written = True
+    for number, (spec, pixels) in enumerate(images):
+        written = written and (number == 0 or writer.open(str(path), spec, "AppendSubimage"))
+        written = written and writer.write_image(pixels)
+    failure = writer.geterror()
+    if not (writer.close() and written):
+        raise OSError(f"{name}: cannot be written ({reason(failure or writer.geterror())})")
