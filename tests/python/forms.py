@@ -63,9 +63,11 @@ TIMED = {"per-band-time", "dealer-time", "own-time"}
 SPACES = {"haar:8": dl.Haar(8), "sh:8": dl.SphericalHarmonics(8)}
 
 
-def dense(rng: np.random.Generator, columns: int, rows: int = ROWS, *more: int, scale: float = 1.0) -> np.ndarray:
-    """Rows whose entries span five decades; as the float32 that a pass delivers."""
-    shape = (rows, columns, *more)
+def dense(
+    rng: np.random.Generator, columns: int, rows: int | None = None, *more: int, scale: float = 1.0
+) -> np.ndarray:
+    """Rows, by default ROWS, whose entries span five decades; as the float32 that a pass delivers."""
+    shape = (ROWS if rows is None else rows, columns, *more)
     values = scale * rng.normal(size=shape) * 10.0 ** rng.uniform(-5, -1, (columns, *(1 for _ in more)))
     values *= rng.random(shape) < 0.5
     return values.astype(np.float32).astype(np.float64)
