@@ -20,10 +20,10 @@ from pathlib import Path
 
 from card.tally import Clock, Tally
 
-ROWS = ("rays", "frames", "bounds", "fuzzing")
+ROWS = ("rays", "frames", "bounds", "threads", "kills", "writes", "interrupts", "memory", "fuzzing", "faults")
 FIRST, LATER = 20.0, 60.0
 """Seconds of a row with a share of 1, in the first turn and in later ones."""
-PATIENCE = 900.0
+PATIENCE = 1800.0
 """Seconds beyond its time after which a row is said to hang."""
 
 

@@ -13,6 +13,8 @@ from .tally import Clock, Tally
 WHAT = "files that were harmed, and calls at random"
 SHARE = 2.0
 
+PATIENCE = 120
+"""Seconds that a file may take: others are at work on the machine, and the card comes last."""
 FUZZ = ROOT / "tests/fuzz/fuzz.py"
 
 
@@ -22,6 +24,7 @@ def run(clock: Clock, seed: int, folder: Path) -> Tally:
     tally, seconds = Tally(), clock.left() / len(fuzz.TARGETS)
     for target in fuzz.TARGETS:
         words = ["--target", target, "--seed", 1000 + seed, "--seconds", seconds, "--keep", folder / "fuzz-faults"]
+        words += ["--most", PATIENCE]
         done = subprocess.run(
             [sys.executable, str(FUZZ), *map(str, words)], capture_output=True, text=True, timeout=seconds + 300
         )

@@ -217,7 +217,8 @@ def texels(columns, rng, glossy=False, **options) -> Form:
     if glossy:
         models = [dl.brdf.Phong(1), dl.brdf.GGX(1.5, n=1.5)]
         lobe = np.where(np.arange(ROWS) % 2, np.arange(ROWS) // 2 % 2, 65535).astype(np.uint16)
-        eyes = normals + 0.5 * rng.normal(size=(ROWS, 3))
+        # Where an eye looks along the surface, the lobe is narrower, and the middle of a texel no longer speaks for it.
+        eyes = normals + 0.5 * np.clip(rng.normal(size=(ROWS, 3)), -1, 1)
         eyes = (eyes / np.linalg.norm(eyes, axis=1, keepdims=True)).astype(np.float32)
         for row in np.flatnonzero(lobe < 2):
             wi, wo = (local(normals[row], d) for d in (directions, eyes[row]))

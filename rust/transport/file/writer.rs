@@ -19,11 +19,11 @@ use super::beside::{self, Beside};
 use super::link;
 use super::manifest::{
     AUDIT, FORMAT, FileEntry, LINK, LOBED, MAJOR, MANIFEST, Manifest, PartEntry, RECEIVERS, ReceiversEntry, SIGNED,
-    TILES_PER_SHARD, is_part_name, read_small, sealed, sealed_from, shard_name,
+    TILES_PER_SHARD, is_part_name, read_small, sealed, shard_name, written,
 };
 use super::open::{self, Audit};
 use super::receivers;
-use super::shard::{Tensor, is_intact, sync_directory, write_file, write_tensors};
+use super::shard::{Tensor, is_intact, sync_directory, unit_of, write_file, write_in_unit, write_tensors};
 use crate::transport::entry::{Channels, GROUP, Width};
 use crate::transport::product::Link;
 use crate::transport::receivers::{ReceiverKind, ReceiverTable};
@@ -138,7 +138,11 @@ impl Writer {
         }
         let numbered = tiles.iter().enumerate();
         let tensors = numbered.flat_map(|(k, tile)| tensors(&format!("{:05}", shard * TILES_PER_SHARD + k), tile));
-        let entry = write_tensors(&self.partial, &shard_name(part, shard), tensors.collect())?;
+        let unit = unit(&tiles[0]);
+        if let Some(other) = tiles.iter().find(|tile| self::unit(tile) != unit) {
+            return Err(Error::input(format!("expected tiles in one unit, got {unit} and {}", self::unit(other))));
+        }
+        let entry = write_in_unit(&self.partial, &shard_name(part, shard), unit, tensors.collect())?;
         let record = serde_json::to_vec(&entry).map_err(|error| Error::input(error.to_string()))?;
         write_file(&self.partial, &record_name(part, shard), std::iter::once(&record[..]))?;
         let bytes = entry.bytes;
@@ -168,7 +172,7 @@ impl Writer {
         if let Some(audit) = audit {
             let mut all = tensors("audit", &audit.tile);
             all.push(Tensor::new("audit.groups", &[audit.groups.len()], &audit.groups));
-            manifest.files.push(write_tensors(&self.partial, AUDIT, all)?);
+            manifest.files.push(write_in_unit(&self.partial, AUDIT, unit(&audit.tile), all)?);
         }
         for own in &about.beside {
             manifest.beside.push(write_tensors(&self.partial, own.file, own.tensors())?);
@@ -227,7 +231,7 @@ impl Description {
         let names: Vec<String> = parts.iter().map(|part| part.name.clone()).collect();
         Ok(Manifest {
             format: FORMAT.to_owned(),
-            version: [major, sealed_from(major)],
+            version: [major, written(major)],
             parts,
             chain: link::entry(&names, self.first, &self.link),
             tiles_per_shard: TILES_PER_SHARD,
@@ -242,6 +246,15 @@ impl Description {
             beside: Vec::new(),
         })
     }
+}
+
+/// What a tile's integers are multiples of, as its file says it.
+fn unit(tile: &Tile) -> String {
+    let width = match tile.values {
+        Values::I8(_) => Width::I8,
+        Values::I16(_) => Width::I16,
+    };
+    unit_of(width, tile.quantum)
 }
 
 /// The arrays of a tile: five, and two more where it has texel columns.

@@ -1,0 +1,75 @@
+"""Threads, processes and signals at once for a few seconds; `benches/reliability.py` goes on for minutes."""
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import deltalux as dl
+import pytest
+
+STRESS = Path(__file__).with_name("stress.py")
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs fork and signals")
+@pytest.mark.parametrize("threads", [2, 8])
+def test_everything_at_once_neither_hangs_nor_fails(threads):
+    words = ["--seconds", "3", "--threads", str(threads), "--seed", "1", "--no-spawn"]
+    done = subprocess.run([sys.executable, str(STRESS), *words], capture_output=True, text=True, timeout=150)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "calls: " in done.stdout
+
+
+def fork(work) -> int:
+    """The exit status of a child that does some work within twenty seconds."""
+    import os
+    import time
+
+    child = os.fork()
+    if not child:
+        try:
+            work()
+            os._exit(0)
+        finally:
+            os._exit(1)
+    until = time.monotonic() + 20
+    while time.monotonic() < until:
+        process, status = os.waitpid(child, os.WNOHANG)
+        if process:
+            return os.waitstatus_to_exitcode(status)
+        time.sleep(0.01)
+    os.kill(child, signal.SIGKILL)
+    os.waitpid(child, 0)
+    raise AssertionError("the child hangs")
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs fork")
+def test_a_forked_child_writes_and_reads_pictures(tmp_path):
+    """The EXR library's threads do not survive a fork, and a child waited for them for ever."""
+    import numpy as np
+
+    picture = np.ones((300, 300, 3), np.float32)
+
+    def work():
+        dl.write(tmp_path / "a.exr", picture)
+        assert dl.io.load_image(tmp_path / "a.exr").shape == picture.shape if hasattr(dl.io, "load_image") else True
+        dl.Environment.load(tmp_path / "a.exr")
+
+    work()
+    assert fork(work) == 0
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs fork")
+def test_a_forked_child_makes_curves(tmp_path):
+    """Rows of lobes were made in a pool of threads that a child does not have."""
+    import test_curves
+
+    scene, light = test_curves.plane_scene(6), dl.Environment.builtin("hall")
+    pearl = {"pearl": test_curves.PEARL}
+
+    def work():
+        options = {"quality": "preview", "progress": False}
+        dl.precompute_curves(scene, tmp_path / "a.curves", env=light, materials=pearl, **options)
+
+    work()
+    assert fork(work) == 0
