@@ -1,9 +1,9 @@
-"""The reliability card: what no push has the time for, for hours: `python benches/reliability.py --hours 2 --out card`.
+"""The reliability card: what no push has the time for: `python benches/reliability.py --hours 2 --out card`.
 
-Every row of the card is a file of `benches/card/`. They take turns, in processes of their own, each for its share of the
-time, and with other random numbers at every turn. After each turn the sums are written to OUT/card.json and the table to
-OUT/card.md; a run into the same folder goes on with the sums that are there. What did not survive is listed below the
-table, and the exit status is then 1.
+Every row of the card is a file of `benches/card/`. They take turns, in processes of their own, each for its share of
+the time, and with other random numbers at every turn. After each turn the sums are written to OUT/card.json and the
+table to OUT/card.md; a run into the same folder goes on with the sums that are there. What did not survive is listed
+below the table, and the exit status is then 1.
 """
 
 from __future__ import annotations
@@ -93,7 +93,9 @@ def go_on(hours: float, folder: Path, names: list[str]) -> dict[str, Tally]:
             seconds = min((LATER if seed else FIRST) * share, clock.left())
             sums.setdefault(name, Tally()).join(turn(name, seconds, seed, folder))
             turns[name] = seed + 1
-            _write(file, json.dumps({"turns": turns, "sums": {key: asdict(own) for key, own in sums.items()}}, indent=1))
+            _write(
+                file, json.dumps({"turns": turns, "sums": {key: asdict(own) for key, own in sums.items()}}, indent=1)
+            )
             _write(folder / "card.md", table(sums))
             print(f"{name}, turn {seed}: {sums[name].tried:,} tried, {sums[name].lost:,} lost", flush=True)
     return sums

@@ -22,7 +22,9 @@ NEEDED = ("rust", "tests", "benches", "Cargo.toml", "Cargo.lock", "README.md")
 
 def test_of(patch: Path) -> str:
     """The filter of the test that a patch names."""
-    return next(line.removeprefix("Test: cargo ") for line in patch.read_text().splitlines() if line.startswith("Test: "))
+    return next(
+        line.removeprefix("Test: cargo ") for line in patch.read_text().splitlines() if line.startswith("Test: ")
+    )
 
 
 def caught(patch: Path, folder: Path) -> tuple[bool, str]:
@@ -36,7 +38,17 @@ def caught(patch: Path, folder: Path) -> tuple[bool, str]:
     applied = subprocess.run(["git", "apply", "--unsafe-paths", str(patch)], cwd=tree, capture_output=True, text=True)
     if applied.returncode:
         return False, f"does not apply: {applied.stderr}"
-    words = ["cargo", "test", "--locked", "--quiet", "--test", "suite", "--target-dir", str(folder / "target"), test_of(patch)]
+    words = [
+        "cargo",
+        "test",
+        "--locked",
+        "--quiet",
+        "--test",
+        "suite",
+        "--target-dir",
+        str(folder / "target"),
+        test_of(patch),
+    ]
     own = {"PROPTEST_RNG_SEED": "1", "CARGO_INCREMENTAL": "1"}
     ran = subprocess.run(words, cwd=tree, capture_output=True, text=True, env=os.environ | own)
     # Where it does not even build, nothing has been caught.

@@ -1,7 +1,7 @@
 """Frames, one after another: after any history B has the bits of a fresh product, and no frame leaves memory behind.
 
-Four scripts: a light that turns in a loop, lights that fade into each other, a brush with jumps between lights, and gains
-over 40 decades; over all forms of storage and methods of the tests.
+Four scripts: a light that turns in a loop, lights that fade into each other, a brush with jumps between lights, and
+gains over 40 decades; over all forms of storage and methods of the tests.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Ctrl-C at random moments of the command line, from its first millisecond on: one line, the exit status 130, no traceback,
-and the same command goes on and ends well."""
+"""Ctrl-C at random moments of the command line, from its first millisecond on: one line, the exit status 130, no
+traceback, and the same command goes on and ends well."""
 
 from __future__ import annotations
 

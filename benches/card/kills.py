@@ -1,5 +1,5 @@
-"""`kill -9` at random moments of whatever saves: nothing is lost, nothing half-done is taken for whole, and the same call
-goes on and ends with the same bytes."""
+"""`kill -9` at random moments of whatever saves: nothing is lost, nothing half-done is taken for whole, and the same
+call goes on and ends with the same bytes."""
 
 from __future__ import annotations
 

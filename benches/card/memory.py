@@ -1,4 +1,4 @@
-"""Too little memory, at a limit drawn at random for each call: a `MemoryError`, a refusal, or the result; never an abort."""
+"""Too little memory, at a random limit for each call: a `MemoryError`, a refusal, or the result; never an abort."""
 
 from __future__ import annotations
 
@@ -37,6 +37,7 @@ def cases(folder: Path) -> dict[str, Case]:
     env = dl.Environment.from_latlong(np.ones((64, 128, 3)))
     dense = rng.normal(size=(20_000, 384))
     rays = scene.camera.resized(1500, 1500).rays()
+    large, path = scene.with_camera(scene.camera.resized(700, 700)), folder / "a.transport"
     tracer = _core.Tracer(scene.vertices.astype(np.float64), scene.triangles.astype(np.uint32))
     return {
         "multiply": (lambda: transport.multiply(lights), 220 * MB),
@@ -47,12 +48,7 @@ def cases(folder: Path) -> dict[str, Case]:
         "pixels": (lambda: box.receivers(rays, edges=True), 500 * MB),
         "visibility": (lambda: tracer.visibility(ways[:20_000], ways[:20_000], ways[:20_000]), 900 * MB),
         "sparse": (lambda: transport.to_scipy(), 20 * MB),
-        "precompute": (
-            lambda: dl.precompute(
-                scene.with_camera(scene.camera.resized(700, 700)), folder / "a.transport", columns="haar:4", progress=False
-            ),
-            300 * MB,
-        ),
+        "precompute": (lambda: dl.precompute(large, path, columns="haar:4", progress=False), 300 * MB),
     }  # fmt: skip
 
 

@@ -3,8 +3,8 @@
 From inside a closed surface nothing is seen: a ray that gets out has leaked, through an edge or a vertex. From a convex
 body all above the horizon is seen: a ray that meets anything has met the surface that it starts from.
 
-Six closed and six convex bodies; four kinds of ray, at random, through centres of texels, at vertices and at edges of the
-body itself, where leaks are; three offsets of the body from the origin, and three scales.
+Six closed and six convex bodies; four kinds of ray, at random, through centres of texels, at vertices and at edges of
+the body itself, where leaks are; three offsets of the body from the origin, and three scales.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def unit(vectors: Floats) -> Floats:
 
 
 def starts(mesh: trimesh.Trimesh, count: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """Points on the surface away from edges, and the normals there; none on triangles that are thinner than the lift."""
+    """Points on the surface away from edges, and the normals there; none on triangles thinner than the lift."""
     inner = 2 * mesh.area_faces / np.linalg.norm(mesh.triangles - np.roll(mesh.triangles, 1, 1), axis=2).sum(1)
     weight = mesh.area_faces * (inner > 1e-4 * mesh.extents.max())
     triangle = rng.choice(len(weight), count, p=weight / weight.sum())
@@ -132,11 +132,12 @@ def run(clock: Clock, seed: int, folder: Path) -> Tally:
         inwards, body, kind, offset = cases[(number + 7 * seed) % len(cases)]
         number += 1
         mesh = (closed() if inwards else convex())[body].copy()
-        scale, name = rng.choice(SCALES), "inside a closed" if inwards else "off a convex"
+        scale, kept = rng.choice(SCALES), "closed" if inwards else "convex"
         mesh.apply_scale(scale)
         mesh.apply_translation(offset * mesh.extents.max() * unit(rng.normal(size=3)))
         rays, wrong = trial(mesh, inwards, kind, rng)
-        tally.count(rays, wrong, f"{wrong} of {rays} rays {name} body {body}, {kind}, offset {offset:g}, scale {scale:g}")
+        what = f"{wrong} of {rays} rays, {kept} body {body}, {kind}, offset {offset:g}, scale {scale:g}"
+        tally.count(rays, wrong, what)
         tally.add("out of closed bodies" if inwards else "off convex bodies", rays)
     return tally
 

@@ -1,4 +1,4 @@
-"""What is saved, for the rows that kill, starve and interrupt whoever saves: each over something that is there already."""
+"""What is saved, for the rows that kill and starve whoever saves: each over something that is there already."""
 
 from __future__ import annotations
 
@@ -43,7 +43,9 @@ def _shards(folder: Path, variant: int) -> None:
 
 
 def _precomputed(folder: Path, variant: int) -> None:
-    dl.precompute(test_precompute.room(), folder / "a.transport", **test_precompute.OPTIONS, tolerance=0.1 + 0.4 * variant)
+    dl.precompute(
+        test_precompute.room(), folder / "a.transport", **test_precompute.OPTIONS, tolerance=0.1 + 0.4 * variant
+    )
 
 
 @cache
@@ -53,7 +55,9 @@ def _hall() -> dl.Environment:
 
 def _curves(folder: Path, variant: int) -> None:
     scene, materials = test_curves.plane_scene(6 + 2 * variant), {"pearl": test_curves.PEARL}
-    dl.precompute_curves(scene, folder / "a.curves", env=_hall(), materials=materials, quality="preview", progress=False)
+    dl.precompute_curves(
+        scene, folder / "a.curves", env=_hall(), materials=materials, quality="preview", progress=False
+    )
 
 
 def _picture(folder: Path, variant: int) -> None:
@@ -120,14 +124,14 @@ def half_done(path: str) -> bool:
 
 
 def wrong(name: str, folder: Path, ended: bool) -> str:
-    """What is wrong with a folder after variant 1 was saved over variant 0, to its end or not; nothing if all is right."""
+    """What is wrong with a folder after variant 1 was saved over variant 0, to its end or not; or nothing."""
     before, after = expected(name, folder.parent)
     found = contents(folder)
     if ended:
         return "" if found == after else f"{sorted(found)} after all, expected {sorted(after)}"
     manifest, left = SAVES[name].manifest, {file: data for file, data in found.items() if not half_done(file)}
     if manifest is None or manifest in left:
-        known = [before, after] if manifest is None else [made for made in (before, after) if made[manifest] == left[manifest]]
+        known = [made for made in (before, after) if manifest is None or made[manifest] == left[manifest]]
         torn = [file for file, data in left.items() if all(made.get(file) != data for made in known)]
         missing = [file for made in known[:1] for file in made if manifest is not None and file not in left]
         return f"torn: {torn}, missing: {missing}" if torn or missing else ""

@@ -1,5 +1,6 @@
-"""Disks that fail: each call of the system that saving makes fails once, with ENOSPC, EIO or EINTR, and files may not grow
-beyond a byte (short writes, then EFBIG). What was there stays, the error is an `OSError`, and the next run ends well.
+"""Disks that fail: each call of the system that saving makes fails once, with ENOSPC, EIO or EINTR, and files may not
+grow beyond a byte (short writes, then EFBIG). What was there stays, the error is an `OSError`, and the next run ends
+well.
 
 Calls are made to fail by `strace -e inject`; without strace only files that may not grow are left.
 """
@@ -30,9 +31,10 @@ REFUSED, OTHERWISE = 3, 4
 """Exit statuses: of an `OSError`, and of any other exception."""
 
 Before = Callable[[], None]
+Attach = Callable[[int], "subprocess.Popen[bytes] | None"]
 
 
-def attempt(work: Callable[[], None], attach: Callable[[int], subprocess.Popen[bytes] | None], before: Before) -> int | None:
+def attempt(work: Before, attach: Attach, before: Before) -> int | None:
     """The exit status of a child that does some work once it is attached to."""
     go, say = os.pipe()
     child = os.fork()
@@ -113,8 +115,10 @@ def run(clock: Clock, seed: int, folder: Path) -> Tally:
     tally, rng = Tally(), np.random.default_rng(seed)
     for name in SAVES:
         expected(name, folder)
-    cases = [(name, call, error) for name in SAVES for call in CALLS for error in ERRORS] if shutil.which("strace") else []
-    cases += [(name, "write", "EINTR") for name in SAVES] if cases else []
+    cases = [(name, call, error) for name in SAVES for call in CALLS for error in ERRORS]
+    cases += [(name, "write", "EINTR") for name in SAVES]
+    if shutil.which("strace") is None:
+        cases = []
     for number in range(len(cases)):
         # As many a turn as there is time for; the next turn begins elsewhere.
         name, call, error = cases[(number + 11 * seed) % len(cases)]

@@ -1,5 +1,5 @@
-"""Ctrl-C while the command line is still being imported: one line and the exit status 130, where Python prints a traceback
-and some packages go on as if nothing had been asked.
+"""Ctrl-C while the command line is still being imported: one line and the exit status 130, where Python prints a
+traceback and some packages go on as if nothing had been asked.
 
 It lies under all other modules, and is imported before them.
 """

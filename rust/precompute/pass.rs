@@ -252,7 +252,8 @@ pub fn survey<P: Pass>(
             _ => Vec::new(),
         };
         audited.chunks_mut(BUNDLE_ROWS / GROUP).zip(&sights).for_each(|(own, sight)| add_norms(own, sight, bands));
-        let mut audit = Tile::assemble(audited.len() * GROUP, bands.stored(), *channels, (Width::I16, rules[0].quantum), &audited);
+        let mut audit =
+            Tile::assemble(audited.len() * GROUP, bands.stored(), *channels, (Width::I16, rules[0].quantum), &audited);
         let rows = kept.iter().flat_map(|&k| (looked[k].group * GROUP..).take(GROUP));
         let lobes = || lobes.as_ref().map(|lobes| lobes.picked(rows.clone()));
         audit.sight = texels.filter(|_| factor == 0).map(|size| Sight::join(size, rules[0].quantum, lobes(), &sights));

@@ -42,7 +42,9 @@ impl From<Error> for PyErr {
             Error::Input(_) => PyValueError::new_err(message),
             Error::File { .. } => FileError::new_err(message),
             Error::Memory(_) => PyMemoryError::new_err(message),
-            Error::Os { source, .. } if source.kind() == std::io::ErrorKind::OutOfMemory => PyMemoryError::new_err(message),
+            Error::Os { source, .. } if source.kind() == std::io::ErrorKind::OutOfMemory => {
+                PyMemoryError::new_err(message)
+            }
             Error::Os { path, source } => match source.raw_os_error() {
                 Some(number) => PyOSError::new_err((number, source.to_string(), path.to_string_lossy().into_owned())),
                 None => PyOSError::new_err(message),

@@ -1,11 +1,12 @@
-"""Fuzzing of the readers of files: the manifest and the tiles of transports, glTF, and pictures; of calls, and of meshes.
+"""Fuzzing of the readers of files (the manifest and the tiles of transports, glTF, pictures), of calls and of meshes.
 
     python tests/fuzz/fuzz.py --target tile --files 100000 --seed 7
 
-Small valid files are harmed a little and opened; calls of a relighter, and meshes with rays, are made of any bytes. A file may be taken or refused (`FileError`, another `ValueError`, an
-`OSError`); any other exception, a panic, a crash, more than a few seconds or more than half a gigabyte is a fault. It
-ends the run, and the file stays in a folder that the last line names. Files are opened in a child process, which a
-crash may take along. File number n depends on target, seed and n only: ``--first n --files 1`` makes it again.
+Small valid files are harmed a little and opened; calls of a relighter, and meshes with rays, are made of any bytes. A
+file may be taken or refused (`FileError`, another `ValueError`, an `OSError`); any other exception, a panic, a crash,
+more than a few seconds or more than half a gigabyte is a fault. It ends the run, and the file stays in a folder that
+the last line names. Files are opened in a child process, which a crash may take along. File number n depends on target,
+seed and n only: ``--first n --files 1`` makes it again.
 """
 
 from __future__ import annotations
@@ -289,14 +290,15 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--files", type=int, help="how many of each target; by default as many as the time allows")
     parser.add_argument("--seconds", type=float, help="time for each target; 10 where --files does not say enough")
     parser.add_argument("--keep", type=Path, default=Path("fuzz-faults"), help="where a file that shows a fault is put")
-    parser.add_argument("--most", type=float, default=SECONDS, help="seconds that a file may take; default: %(default)s")
+    parser.add_argument(
+        "--most", type=float, default=SECONDS, help="seconds that a file may take; default: %(default)s"
+    )
     given = parser.parse_args(arguments)
     seconds = given.seconds if given.seconds is not None else 10.0 if given.files is None else 1e9
     with tempfile.TemporaryDirectory() as folder:
         bases = bases_of(given.target, Path(folder))
-    done = [
-        run(t, bases[t], given.seed, given.first, given.files, seconds, given.keep, most=given.most) for t in given.target
-    ]
+    how = (given.seed, given.first, given.files, seconds, given.keep)
+    done = [run(target, bases[target], *how, most=given.most) for target in given.target]
     return 0 if all(done) else 1
 
 

@@ -1,8 +1,8 @@
 """Everything at once: `python tests/python/stress.py --seconds 60 --threads 8 --seed 1`.
 
-Threads share one of every public object and make random calls on them, short ones and long ones; progress callbacks raise
-in between. Meanwhile processes without work keep the machine busy, children are forked off and spawned that compute on
-their own, and Ctrl-C interrupts the main thread in long work. Where any thread stands still for a minute, all stacks are
+Threads share one of every public object and make random calls on them, short ones and long ones; progress callbacks
+raise in between. Meanwhile processes without work keep the machine busy, children are forked off that compute on their
+own, and Ctrl-C interrupts the main thread in long work. Where any thread stands still for a minute, all stacks are
 printed and the process ends. The last line says how many calls were made.
 """
 

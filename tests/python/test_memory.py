@@ -44,7 +44,7 @@ CALLS = {
     "visibility": "tracer.visibility(up[:30_000], up[:30_000], up[:30_000])",
     "pixels": "box.receivers(rays, edges=True)",
     "tree": "_core.Scene(corners, triangles, np.zeros(1_000_000, np.uint32))",
-    "scene": "dl.precompute(scene.with_camera(scene.camera.resized(4000, 4000)), '/tmp/never.transport', progress=False)",
+    "scene": "dl.precompute(scene.with_camera(scene.camera.resized(4000, 4000)), 'never.transport', progress=False)",
 }
 
 

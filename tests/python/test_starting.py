@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from deltalux.command.cli import main
 
+
 def stopped(words: list[str], after: float) -> tuple[int, str]:
     """The exit status and standard error of a command that hears Ctrl-C so many seconds after it has begun."""
     # A shell that runs things in the background has them ignore Ctrl-C.

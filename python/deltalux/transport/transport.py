@@ -514,8 +514,8 @@ class Transport(Matrix):
         return (groups.astype(np.int64)[:, None] * GROUP + np.arange(GROUP)).ravel(), Transport(rows)
 
     def verify(self) -> list[str]:
-        """Works out again what can be of what the files say, and says what was: digests, structure and norms as they are on
-        the disk now, norms of texel columns, losses against the audit, the scene.
+        """Works out again what can be of what the files say: digests, structure and norms as they are on the disk now,
+        norms of texel columns, losses against the audit, the scene.
 
         Returns
         -------

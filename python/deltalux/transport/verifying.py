@@ -34,7 +34,7 @@ def _files(transport: Transport) -> str:
         raise ValueError("expected a transport in a file, but this one is in memory only")
     again = CoreTransport.open(transport._path)
     count, size = len(again.files), sum(length for _, length in again.files)
-    return f"files: {count} of {size / 1e6:,.1f} MB have their digests, keep every promise, and hold no less than they say"
+    return f"files: {count} of {size / 1e6:,.1f} MB have their digests and keep every promise"
 
 
 def _texels(core: CoreTransport) -> str:
@@ -70,7 +70,8 @@ def _audit(transport: Transport) -> str:
             said = lost[row, channel :: off.shape[1]].astype(np.float64) + rounding[place, channel :: off.shape[1]]
             if (norms > said * _UNDER).any():
                 band = int(np.argmax(norms - said))
-                raise FileError(f"expected {norms[band]:.6g} or more lost of row {row} in band {band}, found {said[band]:.6g}")
+                less = f"expected {norms[band]:.6g} or more lost of row {row} in band {band}"
+                raise FileError(f"{less}, found {said[band]:.6g}")
     return f"audit: {len(rows):,} rows that were traced whole have lost no more than is said"
 
 
