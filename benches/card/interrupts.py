@@ -42,7 +42,7 @@ def heard(path: Path, after: float) -> tuple[int, str, float]:
 def fault(status: int, said: str, took: float) -> str:
     """What is wrong with how it ended; nothing where Python itself had not begun, or all was done."""
     lines = said.splitlines()
-    if status == 0 or "deltalux" not in said:
+    if status == 0 or "deltalux" not in said or "starting.py" in said:
         return ""
     stopped = status == 130 and lines[-1].startswith("deltalux: stopped") and "Traceback" not in said
     return "" if stopped and took < SOON else f"ended with {status} after {took:.2f} s: {said[-500:]}"
@@ -62,7 +62,7 @@ def run(clock: Clock, seed: int, folder: Path) -> Tally:
             what = fault(status, said, took)
             tally.count(1, bool(what), f"after {after:.3f} s: {what}")
             tally.see("seconds until it left", took)
-            tally.add("before Python had begun", status not in (0, 130) and "deltalux" not in said)
+            tally.add("before Python had begun", status not in (0, 130) and "deltalux: stopped" not in said)
         done = subprocess.run(command(path), capture_output=True, text=True)
         whole_again = done.returncode == 0 and dl.Transport.open(path).shape[0] > 0
         tally.count(0, not whole_again, f"the same command again: {done.stderr[-500:]}")

@@ -420,14 +420,20 @@ impl Transport {
 
     /// Bytes that a frame streams for each column of the first stage, (columns,) float64. A texel's, whose bits are few,
     /// counts as an entry for each group of rows that it is made anew for.
-    fn column_bytes(&self, py: Python<'_>) -> Py<PyArray1<f64>> {
-        let mut bytes = vec![0.0; self.product().first.space().columns()];
-        for matrix in self.product().first.iter() {
-            let entry = entry_bytes(width_of(matrix), matrix.channels) as f64;
-            let entries = matrix.column_entries();
-            bytes.iter_mut().zip(entries).for_each(|(sum, count): (&mut f64, u32)| *sum += entry * f64::from(count));
-        }
-        bytes.into_pyarray(py).unbind()
+    fn column_bytes(&self, py: Python<'_>) -> PyResult<Py<PyArray1<f64>>> {
+        let bytes = compute(py, || {
+            let mut bytes = vec![0.0; self.product().first.space().columns()];
+            for matrix in self.product().first.iter() {
+                let entry = entry_bytes(width_of(matrix), matrix.channels) as f64;
+                let entries = matrix.column_entries();
+                bytes
+                    .iter_mut()
+                    .zip(entries)
+                    .for_each(|(sum, count): (&mut f64, u32)| *sum += entry * f64::from(count));
+            }
+            Ok(bytes)
+        })?;
+        Ok(bytes.into_pyarray(py).unbind())
     }
 
     /// L2 norm of each column of the second stage, (columns,) float64; None where there is one stage.

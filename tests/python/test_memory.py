@@ -21,7 +21,7 @@ HEAD = """
     up = np.broadcast_to(np.array([0.0, 0.0, 1.0]), (4_000_000, 3)).copy()
     transport.multiply(np.ones((24, 3)))
     tracer = _core.Tracer(scene.vertices.astype(float), scene.triangles)
-    lights = np.ones((20_000, 24, 3))
+    lights = np.ones((60_000, 24, 3))
     rays = scene.camera.resized(4000, 4000).rays()
     corners = np.zeros((3_000_000, 3))
     triangles = np.zeros((1_000_000, 3), np.uint32)
