@@ -1,8 +1,8 @@
 """Ctrl-C while the command line is still being imported: one line and the exit status 130, where Python prints a
 traceback and some packages go on as if nothing had been asked.
 
-It lies under all other modules, is imported before them, and imports next to nothing itself: until it is there, Ctrl-C is
-Python's own. Hence `_signal`, which is built in, where `signal` reads two files.
+It lies under all other modules, is imported before them, and imports next to nothing itself: until it is there, Ctrl-C
+is Python's own. Hence `_signal`, which is built in, where `signal` reads two files.
 """
 
 import _signal
