@@ -52,7 +52,7 @@ def play_calls(folder: Path) -> None:
                 light = light.copy()
                 light[byte % 24] += rng.normal(size=3)
             case 4 | 5:
-                refused = light.copy() if byte % 8 == 4 else light[:-1]
+                refused = (light if byte % 8 == 4 else light[:-1]).copy()
                 refused[byte % 23] = np.nan
                 try:
                     relighter.step(refused)

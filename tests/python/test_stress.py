@@ -71,3 +71,24 @@ def test_a_forked_child_makes_curves(tmp_path):
 
     work()
     assert fork(work) == 0
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs fork")
+def test_a_forked_child_does_not_keep_a_folder_locked(tmp_path):
+    """The child has the lock's file open as well, and a run that had ended seemed to be writing still."""
+    import os
+    import time
+
+    from deltalux import _core
+
+    writer = _core.TransportWriter(tmp_path / "a.transport", "{}")
+    child = os.fork()
+    if not child:
+        time.sleep(30)
+        os._exit(0)
+    try:
+        del writer
+        _core.TransportWriter(tmp_path / "a.transport", "{}")
+    finally:
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)

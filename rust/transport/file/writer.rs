@@ -78,7 +78,7 @@ pub struct Writer {
     target: PathBuf,
     partial: PathBuf,
     /// Held until the writer goes: no second run writes here.
-    _lock: File,
+    lock: File,
     /// By part and number.
     shards: BTreeMap<(String, usize), FileEntry>,
 }
@@ -101,7 +101,7 @@ impl Writer {
             write_file(&partial, JOB, std::iter::once(job.as_bytes()))?;
         }
         let shards = finished_shards(&partial)?;
-        Ok(Writer { target, partial, _lock: lock, shards })
+        Ok(Writer { target, partial, lock, shards })
     }
 
     /// What `open` would refuse, found without writing anything; the directories of the result and of the run.
@@ -183,6 +183,13 @@ impl Writer {
         let lobes = || table.lobes.as_ref().ok_or_else(|| Error::input("expected rows with lobes"));
         drop(open::open(&self.partial, &|_, _| lobes().map(|lobes| Arc::clone(&lobes.models)))?);
         publish(&self.partial, &self.target)
+    }
+}
+
+impl Drop for Writer {
+    fn drop(&mut self) {
+        // A process that was forked meanwhile has the file open as well: closing it here would let go of nothing.
+        let _ = self.lock.unlock();
     }
 }
 
