@@ -22,6 +22,8 @@ pub enum Error {
         /// Its answer.
         source: std::io::Error,
     },
+    /// There is no memory for what was asked for: Python's `MemoryError`.
+    Memory(String),
     /// The caller asked for the work to stop (Ctrl-C or a progress callback that raised).
     Cancelled,
 }
@@ -40,6 +42,21 @@ impl Error {
         Error::File { path: path.to_owned(), what: what.into() }
     }
 
+    /// Refuses so many items that there is no memory for, and takes none.
+    ///
+    /// A list that cannot grow ends the process. So whoever is about to make lists as long as a caller wished asks first:
+    /// for the result, and for what is needed on the way to it.
+    pub fn unless_room<T>(count: usize) -> Result<()> {
+        let mut asked = Vec::<T>::new();
+        let found = asked.try_reserve_exact(count);
+        // Memory that nobody looks at need not be asked for, thinks the compiler.
+        std::hint::black_box(&mut asked);
+        found.map_err(|_| {
+            let bytes = count.saturating_mul(size_of::<T>());
+            Error::Memory(format!("expected room for {bytes} bytes, but there is not as much memory"))
+        })
+    }
+
     /// Passes on what the operating system said of a path.
     pub fn os(path: &Path, source: std::io::Error) -> Self {
         Error::Os { path: path.to_owned(), source }
@@ -52,6 +69,7 @@ impl fmt::Display for Error {
             Error::Input(message) => f.write_str(message),
             Error::File { path, what } => write!(f, "{}: {what}", path.display()),
             Error::Os { path, source } => write!(f, "{}: {source}", path.display()),
+            Error::Memory(message) => f.write_str(message),
             Error::Cancelled => f.write_str("cancelled"),
         }
     }

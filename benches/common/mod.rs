@@ -53,6 +53,7 @@ pub fn matrix(rows: usize, tile_rows: usize) -> TransportMatrix {
             sight: None,
             rows: tile_rows,
             channels: Channels::One,
+            quantum: -14,
             starts: starts.into(),
             words: words.into(),
             values: Values::I8(values.into()),

@@ -3,6 +3,10 @@
 B = M V: M is ray traced once (`precompute`); V, the light, moves; a `Relighter` follows it within a budget a frame.
 """
 
+# isort: off
+from . import starting as _starting  # noqa: F401, Ctrl-C is heard while all others are imported
+
+# isort: on
 from importlib import import_module as _import_module
 from typing import Any as _Any
 

@@ -1,7 +1,5 @@
 """python -m deltalux"""
 
-import sys
+from .command.cli import run
 
-from .command.cli import main
-
-sys.exit(main())
+run()

@@ -203,7 +203,7 @@ impl Interreflection<'_> {
             .collect();
         let tiles = groups.chunks(TILE_ROWS / GROUP).enumerate().map(|(number, groups)| {
             let rows = (self.rows() - number * TILE_ROWS).min(TILE_ROWS);
-            Tile::assemble(rows, bands.stored(), self.channels, rule.width, groups)
+            Tile::assemble(rows, bands.stored(), self.channels, (rule.width, rule.quantum), groups)
         });
         Ok((tiles.collect(), Told::all(solved.iter().map(|(_, told)| told))))
     }

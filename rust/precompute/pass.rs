@@ -145,7 +145,7 @@ pub fn tile<P: Pass>(
         sights.extend(bundle.sight);
     }
     let assemble = |(groups, rule): (&Vec<CompressedGroup>, &Truncation)| {
-        Tile::assemble(rows.len(), bands.stored(), *channels, rule.width, groups)
+        Tile::assemble(rows.len(), bands.stored(), *channels, (rule.width, rule.quantum), groups)
     };
     let mut tiles: Vec<Tile> = groups.iter().zip(rules).map(assemble).collect();
     let lobes = || lobes.as_ref().map(|lobes| lobes.part(rows.clone()));
@@ -252,7 +252,8 @@ pub fn survey<P: Pass>(
             _ => Vec::new(),
         };
         audited.chunks_mut(BUNDLE_ROWS / GROUP).zip(&sights).for_each(|(own, sight)| add_norms(own, sight, bands));
-        let mut audit = Tile::assemble(audited.len() * GROUP, bands.stored(), *channels, Width::I16, &audited);
+        let mut audit =
+            Tile::assemble(audited.len() * GROUP, bands.stored(), *channels, (Width::I16, rules[0].quantum), &audited);
         let rows = kept.iter().flat_map(|&k| (looked[k].group * GROUP..).take(GROUP));
         let lobes = || lobes.as_ref().map(|lobes| lobes.picked(rows.clone()));
         audit.sight = texels.filter(|_| factor == 0).map(|size| Sight::join(size, rules[0].quantum, lobes(), &sights));

@@ -21,7 +21,7 @@ pub(super) fn not_contiguous() -> PyErr {
 /// Numbers as colours: the last axis has length 3.
 pub(super) fn colours(values: &[f32]) -> Result<Vec<[f32; 3]>> {
     match values.as_chunks::<3>() {
-        (colours, []) => Ok(colours.to_vec()),
+        (colours, []) => Error::unless_room::<[f32; 3]>(colours.len()).map(|()| colours.to_vec()),
         _ => Err(Error::input("expected an array whose last axis has length 3")),
     }
 }
@@ -47,7 +47,10 @@ pub(super) fn coefficients(array: &PyReadonlyArray2<f64>) -> Result<Vec<[f64; 3]
 /// A copy of the rows of an (n, 3) array in C order; `name` is what an error calls it.
 pub(super) fn triples(name: &str, array: &PyReadonlyArray2<f64>) -> Result<Vec<[f64; 3]>> {
     match array.as_slice() {
-        Ok(flat) if array.shape()[1] == 3 => Ok(cast_slice(flat).to_vec()),
+        Ok(flat) if array.shape()[1] == 3 => {
+            Error::unless_room::<f64>(flat.len())?;
+            Ok(cast_slice(flat).to_vec())
+        }
         _ => Err(Error::input(format!("expected {name} of shape (n, 3) in C order, got shape {:?}", array.shape()))),
     }
 }
@@ -84,6 +87,7 @@ pub(super) fn vectors<T: numpy::Element + Copy, const N: usize>(
     if array.ncols() != N {
         return Err(Error::input(format!("expected {name} of shape (n, {N}), got {:?}", array.shape())));
     }
+    Error::unless_room::<[T; N]>(array.nrows())?;
     Ok(array.rows().into_iter().map(|row| std::array::from_fn(|k| row[k])).collect())
 }
 
@@ -107,5 +111,6 @@ pub(super) fn to_vec_of_rows(name: &str, array: &PyReadonlyArray2<'_, f32>, rows
     if array.shape() != [rows, 3] {
         return Err(Error::input(format!("expected {name} of shape ({rows}, 3), got {:?}", array.shape())));
     }
+    Error::unless_room::<f32>(3 * rows)?;
     Ok(array.as_array().iter().copied().collect())
 }

@@ -36,6 +36,8 @@ impl Brdf {
 /// Refuses arrays of different lengths.
 fn pairs(wi: &PyReadonlyArray2<'_, f64>, wo: &PyReadonlyArray2<'_, f64>) -> Result<(Vec<Direction>, Vec<Direction>)> {
     let (wi, wo) = (triples("wi", wi)?, triples("wo", wo)?);
+    // Numbers, or colours.
+    Error::unless_room::<[f64; 3]>(wi.len())?;
     match wi.len() == wo.len() {
         true => Ok((wi, wo)),
         false => Err(Error::input(format!("expected as many wi as wo, got {} and {}", wi.len(), wo.len()))),
@@ -73,6 +75,7 @@ fn samples<'py>(
     u: &PyReadonlyArray2<'py, f64>,
 ) -> PyResult<Samples<'py>> {
     let wo = triples("wo", wo)?;
+    Error::unless_room::<[f64; 6]>(wo.len())?;
     let numbers = match u.as_slice() {
         Ok(flat) if u.shape() == [wo.len(), 2] => flat.as_chunks::<2>().0.to_vec(),
         _ => {

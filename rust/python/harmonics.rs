@@ -45,6 +45,7 @@ fn harmonic_values<'py>(
     let directions = triples("directions", &directions)?;
     let values = compute(py, || {
         let harmonics = SphericalHarmonics::new(order)?;
+        Error::unless_room::<f64>(directions.len().saturating_mul(order * order))?;
         let mut values = vec![0.0; directions.len() * order * order];
         let each = values.par_chunks_exact_mut(order * order).zip(&directions);
         each.for_each(|(row, &direction)| harmonics.evaluate(direction, row));

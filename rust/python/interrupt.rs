@@ -1,7 +1,7 @@
 //! Running Rust work from Python: our own thread pool, no lock held, Ctrl-C and progress served meanwhile.
 //!
 //! The pool is keyed by the process id: rayon's threads do not survive `fork`, and a child that met its parent's pool
-//! would wait for them for ever. It is never rayon's global pool, which belongs to the application.
+//! would wait for them for ever. It is never rayon's global pool, which is put out of use: see `without_a_global_pool`.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicU64, AtomicUsize, Ordering};
@@ -35,6 +35,11 @@ fn made() -> Option<&'static ThreadPool> {
     (made.process == std::process::id()).then_some(&made.pool)
 }
 
+/// The system has no thread, or no memory for its stack.
+fn no_thread(error: impl std::fmt::Display) -> PyErr {
+    PyRuntimeError::new_err(format!("cannot start a thread: {error}"))
+}
+
 /// The pool of this process, made on first use. A pool of the parent process is left alone: it cannot be joined here.
 fn pool() -> std::result::Result<&'static ThreadPool, PyErr> {
     if let Some(pool) = made() {
@@ -44,10 +49,18 @@ fn pool() -> std::result::Result<&'static ThreadPool, PyErr> {
         .num_threads(THREADS.load(Ordering::Relaxed))
         .thread_name(|k| format!("deltalux-{k}"))
         .build()
-        .map_err(|error| PyRuntimeError::new_err(format!("cannot start threads: {error}")))?;
+        .map_err(no_thread)?;
     let fresh: &'static mut Owned = Box::leak(Box::new(Owned { process: std::process::id(), pool }));
     POOL.store(fresh, Ordering::Release);
     Ok(&fresh.pool)
+}
+
+/// Lets rayon's global pool fail where it is first met. What runs in it by mistake works until a process forks, and then
+/// waits for ever in the child: so it shall not work at all, in any test.
+fn without_a_global_pool() {
+    let none = ThreadPoolBuilder::new().num_threads(1).spawn_handler(|_| Err(std::io::Error::other("no global pool")));
+    // The error is the purpose.
+    drop(none.build_global());
 }
 
 /// A panic in the core is our fault: it reaches the user as a plain `RuntimeError`, never as a `BaseException`.
@@ -123,11 +136,12 @@ pub(crate) fn interruptible<T: Send>(
     py.detach(|| {
         std::thread::scope(|scope| {
             let (finished, wait) = mpsc::channel::<()>();
-            let worker = scope.spawn(|| {
+            let worker = std::thread::Builder::new().spawn_scoped(scope, || {
                 let outcome = caught(|| pool.install(|| work(&watch)));
                 drop(finished);
                 outcome
             });
+            let worker = worker.map_err(no_thread)?;
             let mut raised = None;
             while let Err(mpsc::RecvTimeoutError::Timeout) = wait.recv_timeout(POLL) {
                 let looked = Python::attach(|py| {
@@ -162,7 +176,7 @@ pub(crate) fn abandonable<T: Send + 'static>(
     std::thread::Builder::new()
         .name("deltalux-work".to_owned())
         .spawn(move || finished.send(caught(|| pool.install(work))))
-        .map_err(|error| PyRuntimeError::new_err(format!("cannot start a thread: {error}")))?;
+        .map_err(no_thread)?;
     py.detach(move || {
         loop {
             match wait.recv_timeout(POLL) {
@@ -216,6 +230,7 @@ fn threads() -> PyResult<usize> {
 
 /// Adds what this file has for Python to the module.
 pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    without_a_global_pool();
     module.add_function(wrap_pyfunction!(set_threads, module)?)?;
     module.add_function(wrap_pyfunction!(threads, module)?)?;
     Ok(())

@@ -74,6 +74,7 @@ fn resampled(parts: &[Part], size: usize) -> Result<Vec<[f32; 3]>> {
     if !(1..=MAX_SIZE).contains(&size) {
         return Err(Error::input(format!("expected a cubemap face of 1 to {MAX_SIZE} texels, got {size}")));
     }
+    Error::unless_room::<[f32; 6]>(6 * size * size)?;
     let mut radiance = vec![[0.0; 3]; 6 * size * size];
     for (weight, map, rotation) in parts {
         map.get().0.resample(size, rotation, *weight, &mut radiance);
@@ -153,6 +154,7 @@ fn environment_radiance<'py>(
 ) -> PyResult<Bound<'py, PyArray2<f32>>> {
     let directions = triples("directions", &directions)?;
     let radiance = compute(py, || {
+        Error::unless_room::<[f32; 6]>(directions.len())?;
         let mut sum = vec![[0.0f32; 3]; directions.len()];
         for (weight, map, rotation) in &parts {
             for (total, own) in sum.iter_mut().zip(map.get().0.sample(&directions, rotation, *weight)) {

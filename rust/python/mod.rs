@@ -25,7 +25,7 @@ mod transport;
 mod update;
 mod writer;
 
-use pyo3::exceptions::{PyOSError, PyRuntimeError, PyValueError};
+use pyo3::exceptions::{PyMemoryError, PyOSError, PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 
 use crate::error::Error;
@@ -41,6 +41,10 @@ impl From<Error> for PyErr {
         match error {
             Error::Input(_) => PyValueError::new_err(message),
             Error::File { .. } => FileError::new_err(message),
+            Error::Memory(_) => PyMemoryError::new_err(message),
+            Error::Os { source, .. } if source.kind() == std::io::ErrorKind::OutOfMemory => {
+                PyMemoryError::new_err(message)
+            }
             Error::Os { path, source } => match source.raw_os_error() {
                 Some(number) => PyOSError::new_err((number, source.to_string(), path.to_string_lossy().into_owned())),
                 None => PyOSError::new_err(message),

@@ -127,6 +127,9 @@ impl Updater {
             Some(other) => return Err(Error::input(format!("unknown start {other:?}")).into()),
         };
         let mix = mix.map(|mix| mix_of(&mix)).transpose()?;
+        // Exact sums of all parts, a picture, and as much again for a second stage and the grids.
+        let all: usize = chain.product.first.iter().map(|part| part.rows).sum();
+        Error::unless_room::<[f64; 6]>(all + rows)?;
         let state = compute(py, || {
             let state = Core::new(chain, first, second, mix, initial)?;
             Ok(if steady { state.steady() } else { state })

@@ -225,6 +225,7 @@ impl Receivers {
     /// seen from `eye`; the lobes come last. material: (rows,) uint32. A lobe of a measured material is one of its colours.
     fn glossy(
         &self,
+        py: Python<'_>,
         material: PyReadonlyArray1<'_, u32>,
         diffuse: Vec<bool>,
         lobes: Vec<Vec<OneLobe<'_>>>,
@@ -263,7 +264,7 @@ impl Receivers {
         let of_row = all.iter().map(|(_, lobe)| lobe.map_or(DIFFUSE, |(_, model)| model)).collect();
         let eyes = all.iter().map(|&(row, _)| to_eye[row]).collect();
         let turns: Vec<[f32; 2]> = all.iter().filter_map(|&(row, _)| self.turns.get(row).copied()).collect();
-        let lobes = Arc::new(Lobes::turned(models, of_row, eyes, &points.normal, turns)?);
+        let lobes = Arc::new(compute(py, || Lobes::turned(models, of_row, eyes, &points.normal, turns))?);
         let picked = |items: &[u32]| all.iter().map(|&(row, _)| items[row]).collect::<Vec<u32>>();
         Ok(Receivers {
             position: all.iter().map(|&(row, _)| self.position[row]).collect(),
@@ -297,6 +298,7 @@ impl Receivers {
     #[pyo3(signature = (material, factors, turns = None))]
     fn factored(
         &self,
+        py: Python<'_>,
         material: PyReadonlyArray1<'_, u32>,
         factors: Vec<PyReadonlyArray3<'_, f32>>,
         turns: Option<PyReadonlyArray2<'_, f32>>,
@@ -337,7 +339,7 @@ impl Receivers {
             triangle: picked(&all, &self.triangle),
             barycentric: picked(&all, &self.barycentric),
             back: picked(&all, &self.back),
-            lobes: Arc::new(Lobes::turned(models, of_row, eyes, &points.normal, turns)?),
+            lobes: Arc::new(compute(py, || Lobes::turned(models, of_row, eyes, &points.normal, turns))?),
             lobe: all.iter().map(|&(_, place, _)| place).collect(),
             turns: Vec::new(),
             base: all.iter().map(|&(row, ..)| row as u32).collect(),

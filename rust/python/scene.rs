@@ -28,6 +28,11 @@ pub(crate) struct Scene {
     material: Vec<u32>,
 }
 
+/// Bytes that a triangle takes while the tree is built, and a pixel while its rows are found; `deltalux.precomputation.room`
+/// has them as well, to refuse in better words.
+const TREE: usize = 400;
+const PIXEL: usize = 250;
+
 impl Scene {
     /// Its surfaces.
     pub(super) fn surfaces(&self) -> Surfaces<'_> {
@@ -77,6 +82,7 @@ impl Scene {
         eye: Option<[f64; 3]>,
         holes: Option<AllOpacities<'_>>,
     ) -> PyResult<Self> {
+        Error::unless_room::<[u8; TREE]>(triangles.shape()[0])?;
         let vertices = vectors("vertices", &vertices)?;
         let triangles = vectors("triangles", &triangles)?;
         let material: Vec<u32> = material.as_array().iter().copied().collect();
@@ -117,6 +123,7 @@ impl Scene {
     /// The rows of M for a camera: what each pixel shows. `edges` resolves pixels that show several surfaces.
     #[pyo3(signature = (camera, *, edges))]
     fn receivers(&self, py: Python<'_>, camera: &Camera, edges: bool) -> PyResult<Receivers> {
+        Error::unless_room::<[u8; PIXEL]>(camera.0.width.saturating_mul(camera.0.height))?;
         let sampling = if edges { PixelSampling::Edges } else { PixelSampling::Centre };
         let rows = interruptible(py, None, |watch| {
             Rows::of_pixels(self.surfaces(), &self.material, &camera.0, sampling, &|| watch.advance(1))

@@ -103,6 +103,8 @@ impl Tracer {
         let (origins, normals) = (vectors("origins", &origins)?, vectors("normals", &normals)?);
         let directions = vectors("directions", &directions)?;
         let (rays, count) = (origins.len(), directions.len());
+        // An answer is a byte, and a bit on the way.
+        Error::unless_room::<[u8; 2]>(rays.saturating_mul(count))?;
         let visible = compute(py, || {
             check(&origins, &normals, &directions)?;
             let directions: Vec<[f32; 3]> = directions.iter().map(|d| d.map(|x| x as f32)).collect();

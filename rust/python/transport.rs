@@ -10,6 +10,7 @@ use numpy::{
 use pyo3::exceptions::PyIndexError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use rayon::prelude::*;
 
 use crate::basis::ColumnSpace;
 use crate::brdf::Stored;
@@ -72,10 +73,7 @@ impl Transport {
 
     /// Stored norms of all rows, (rows, bands * channels).
     fn norms(&self, py: Python<'_>, of: fn(&Tile) -> &[u16]) -> PyResult<Py<PyArray2<f32>>> {
-        let matrix = self.alone()?;
-        let norms: Vec<f32> = matrix.tiles.iter().flat_map(of).map(|&bits| bf16(bits)).collect();
-        let a_row = matrix.bands.count() * matrix.channels.count();
-        Ok(norms.into_pyarray(py).reshape([matrix.rows, a_row])?.unbind())
+        norms_of(py, self.alone()?, of)
     }
 
     /// The rule of a re-truncation.
@@ -95,6 +93,13 @@ fn width_of(matrix: &TransportMatrix) -> Width {
         Some(Values::I8(_)) => Width::I8,
         _ => Width::I16,
     }
+}
+
+/// Norms of each row in each band (and channel), (rows, bands * channels).
+fn norms_of(py: Python<'_>, matrix: &TransportMatrix, of: fn(&Tile) -> &[u16]) -> PyResult<Py<PyArray2<f32>>> {
+    let norms: Vec<f32> = matrix.tiles.iter().flat_map(of).map(|&bits| bf16(bits)).collect();
+    let a_row = matrix.bands.count() * matrix.channels.count();
+    Ok(norms.into_pyarray(py).reshape([matrix.rows, a_row])?.unbind())
 }
 
 #[pymethods]
@@ -136,6 +141,8 @@ impl Transport {
                 return Err(Error::input(what).into());
             }
         };
+        // The copy, and what becomes of it: all entries at worst, in 16 bits and as they are compressed.
+        Error::unless_room::<[f64; 2]>(array.len())?;
         let dense = Dense::with_channels(rows, width_of_array, channels, array.as_array().iter().copied().collect());
         let space: ColumnSpace = columns.parse()?;
         let width = width.parse()?;
@@ -158,7 +165,8 @@ impl Transport {
             (Some((models, of_row, eyes)), Some((Ok(normals), _))) => {
                 let model = |(kind, parameters)| Ok(LobeShape::Model(Stored::new(kind, parameters)?));
                 let models = models.into_iter().map(model).collect::<Result<_>>()?;
-                Lobes::new(models, to_vec(&of_row), vectors("eyes", &eyes)?, normals)?.of_texels()
+                let (of_row, eyes) = (to_vec(&of_row), vectors("eyes", &eyes)?);
+                compute(py, || Lobes::new(models, of_row, eyes, normals))?.of_texels()
             }
             _ => None,
         };
@@ -217,6 +225,12 @@ impl Transport {
     #[getter]
     fn shape(&self) -> (usize, usize) {
         (self.product().rows(), self.product().first.space().columns())
+    }
+
+    /// Whether there is one matrix and nothing else.
+    #[getter]
+    fn is_single(&self) -> bool {
+        self.product().alone().is_some()
     }
 
     /// How many numbers an entry holds for a row, in the matrix where they are more: 1 or 3.
@@ -314,6 +328,28 @@ impl Transport {
         self.norms(py, |tile| &tile.dropped)
     }
 
+    /// The norm of each row of the receivers' matrix over its texel columns, made anew from what they are made of, (rows,)
+    /// float64; None where it has none.
+    fn texel_norms(&self, py: Python<'_>) -> PyResult<Option<Py<PyArray1<f64>>>> {
+        let matrix = self.matrix();
+        if matrix.bands.texels == 0 {
+            return Ok(None);
+        }
+        let norms = compute(py, || {
+            let of_tile = |tile: &Tile| tile.sight.as_ref().map_or(Vec::new(), Sight::row_norms);
+            Ok(matrix.tiles.par_iter().map(of_tile).collect::<Vec<_>>().concat())
+        })?;
+        Ok(Some(norms.into_pyarray(py).unbind()))
+    }
+
+    /// The norms that the file states of the stored rows of the receivers' matrix, and of what they lost, in each band and channel,
+    /// (rows, bands * channels) float32 each.
+    #[allow(clippy::type_complexity)]
+    fn stated_norms(&self, py: Python<'_>) -> PyResult<(Py<PyArray2<f32>>, Py<PyArray2<f32>>)> {
+        let matrix = self.matrix();
+        Ok((norms_of(py, matrix, |tile| &tile.kept)?, norms_of(py, matrix, |tile| &tile.dropped)?))
+    }
+
     /// One transport vector, dense: (columns, channels) float32.
     fn row(&self, py: Python<'_>, row: usize) -> PyResult<Py<PyArray2<f32>>> {
         let matrix = self.alone()?;
@@ -336,6 +372,9 @@ impl Transport {
             let count = matrix.channels.count();
             return Err(PyIndexError::new_err(format!("expected a channel below {count}, got {channel}")));
         }
+        // Parts, and then all of them; of the texels above a row's horizon nearly all are open.
+        let entries = 2 * 16 * matrix.entries() + matrix.rows * matrix.bands.texels / 2;
+        Error::unless_room::<[u32; 2]>(entries)?;
         let csr = compute(py, || Ok(matrix.to_csr(channel)))?;
         Ok((
             csr.indptr.into_pyarray(py).unbind(),
@@ -386,14 +425,20 @@ impl Transport {
 
     /// Bytes that a frame streams for each column of the first stage, (columns,) float64. A texel's, whose bits are few,
     /// counts as an entry for each group of rows that it is made anew for.
-    fn column_bytes(&self, py: Python<'_>) -> Py<PyArray1<f64>> {
-        let mut bytes = vec![0.0; self.product().first.space().columns()];
-        for matrix in self.product().first.iter() {
-            let entry = entry_bytes(width_of(matrix), matrix.channels) as f64;
-            let entries = matrix.column_entries();
-            bytes.iter_mut().zip(entries).for_each(|(sum, count): (&mut f64, u32)| *sum += entry * f64::from(count));
-        }
-        bytes.into_pyarray(py).unbind()
+    fn column_bytes(&self, py: Python<'_>) -> PyResult<Py<PyArray1<f64>>> {
+        let bytes = compute(py, || {
+            let mut bytes = vec![0.0; self.product().first.space().columns()];
+            for matrix in self.product().first.iter() {
+                let entry = entry_bytes(width_of(matrix), matrix.channels) as f64;
+                let entries = matrix.column_entries();
+                bytes
+                    .iter_mut()
+                    .zip(entries)
+                    .for_each(|(sum, count): (&mut f64, u32)| *sum += entry * f64::from(count));
+            }
+            Ok(bytes)
+        })?;
+        Ok(bytes.into_pyarray(py).unbind())
     }
 
     /// L2 norm of each column of the second stage, (columns,) float64; None where there is one stage.
@@ -452,6 +497,8 @@ impl Transport {
     ) -> PyResult<Bound<'py, PyArray3<f32>>> {
         let (rows, columns) = self.shape();
         let (count, flat) = several(&lights, columns)?;
+        // For each row and light the product, and exact sums on the way to it.
+        Error::unless_room::<[f32; 9]>(count.saturating_mul(rows))?;
         let mix = mix.map(|mix| mix_of(&mix)).transpose()?;
         let out = compute(py, || {
             let lights: Vec<&[[f64; 3]]> = flat.chunks(columns).collect();
@@ -580,6 +627,7 @@ fn several(arrays: &PyReadonlyArray3<'_, f64>, length: usize) -> PyResult<(usize
     if found[1..] != [length, 3] {
         return Err(Error::input(format!("expected an array of shape (k, {length}, 3), got {found:?}")).into());
     }
+    Error::unless_room::<f64>(arrays.len())?;
     Ok((found[0], arrays.as_slice()?.as_chunks().0.to_vec()))
 }
 

@@ -83,7 +83,13 @@ impl Dense {
                 let planes: Vec<&[Rows16]> = planes.iter().map(Vec::as_slice).collect();
                 compress_group(&planes, &bands, rule, 0.0, &mut group).map(|()| group)
             });
-            Ok(Tile::assemble(rows, bands.stored(), self.channels, rule.width, &groups.collect::<Result<Vec<_>>>()?))
+            Ok(Tile::assemble(
+                rows,
+                bands.stored(),
+                self.channels,
+                (rule.width, rule.quantum),
+                &groups.collect::<Result<Vec<_>>>()?,
+            ))
         });
         let tiles = tiles.collect::<Result<_>>()?;
         let (rows, channels) = (self.rows, self.channels);

@@ -62,7 +62,7 @@ pub fn freeze(factors: &Factors, numbers: &[f64], rule: &Truncation) -> Result<T
         );
         let groups = groups.collect::<Result<Vec<_>>>()?;
         let rows = tiles[0].0.rows;
-        Ok(Tile::assemble(rows, first.bands.columns(), Channels::One, rule.width, &groups))
+        Ok(Tile::assemble(rows, first.bands.columns(), Channels::One, (rule.width, rule.quantum), &groups))
     };
     let tiles = (0..first.tiles.len()).map(of_tile).collect::<Result<_>>()?;
     Ok(TransportMatrix {

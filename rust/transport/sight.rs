@@ -390,6 +390,17 @@ impl Sight {
         }
     }
 
+    /// The norm of each row over all texels, from its bits and its normal.
+    pub fn row_norms(&self) -> Vec<f64> {
+        let rows = self.normals.len() / 3;
+        let mut squares = vec![[0.0; GROUP]; rows.div_ceil(GROUP)];
+        self.for_each_open(&Texels::new(self.size, 0..texel_columns(self.size).len()), |group, texel, open| {
+            let lanes = self.lanes(group, open, texel);
+            squares[group].iter_mut().zip(lanes).for_each(|(sum, lane)| *sum += f64::from(lane) * f64::from(lane));
+        });
+        squares.into_iter().flatten().take(rows).map(f64::sqrt).collect()
+    }
+
     /// The normals of a group, axis by axis; those of rows that pad it are zero.
     #[inline(always)]
     pub fn group_normals(&self, group: usize) -> [Rows16; 3] {

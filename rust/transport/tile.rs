@@ -37,6 +37,8 @@ pub struct Tile {
     pub rows: usize,
     /// One number for all colours, or one each.
     pub channels: Channels,
+    /// The exponent of two that all values are multiples of: that of the whole matrix.
+    pub quantum: i32,
     /// Entries of column j are `starts[j]..starts[j + 1]`; the length is columns + 1, texels not counted.
     pub starts: Slab<u32>,
     /// For each entry: group number | shift << 10. Inside a column the group numbers ascend.
@@ -101,7 +103,13 @@ pub struct CompressedGroup {
 
 impl Tile {
     /// Turns groups (row order) into columns: a counting sort by column, stable in the group number.
-    pub fn assemble(rows: usize, columns: usize, channels: Channels, width: Width, groups: &[CompressedGroup]) -> Tile {
+    pub fn assemble(
+        rows: usize,
+        columns: usize,
+        channels: Channels,
+        (width, quantum): (Width, i32),
+        groups: &[CompressedGroup],
+    ) -> Tile {
         debug_assert!(rows <= MAX_TILE_ROWS && groups.len() == rows.div_ceil(GROUP));
         let mut starts = vec![0u32; columns + 1];
         for group in groups {
@@ -145,6 +153,7 @@ impl Tile {
         Tile {
             rows,
             channels,
+            quantum,
             starts: starts.into(),
             words: words.into(),
             values: if width == Width::I16 { Values::I16(wide.into()) } else { Values::I8(narrow.into()) },

@@ -334,7 +334,7 @@ impl Tile {
             groups.push(out);
             Ok(())
         })?;
-        let tile = Tile::assemble(self.rows, bands.stored(), self.channels, rule.width, &groups);
+        let tile = Tile::assemble(self.rows, bands.stored(), self.channels, (rule.width, rule.quantum), &groups);
         Ok(Tile { sight: self.sight.clone(), ..tile })
     }
 

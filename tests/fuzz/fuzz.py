@@ -1,11 +1,12 @@
-"""Fuzzing of the readers of files: the manifest and the tiles of transports, and glTF.
+"""Fuzzing of the readers of files (the manifest and the tiles of transports, glTF, pictures), of calls and of meshes.
 
     python tests/fuzz/fuzz.py --target tile --files 100000 --seed 7
 
-Small valid files are harmed a little and opened. A file may be taken or refused (`FileError`, another `ValueError`, an
-`OSError`); any other exception, a panic, a crash, more than a few seconds or more than half a gigabyte is a fault. It
-ends the run, and the file stays in a folder that the last line names. Files are opened in a child process, which a
-crash may take along. File number n depends on target, seed and n only: ``--first n --files 1`` makes it again.
+Small valid files are harmed a little and opened; calls of a relighter, and meshes with rays, are made of any bytes. A
+file may be taken or refused (`FileError`, another `ValueError`, an `OSError`); any other exception, a panic, a crash,
+more than a few seconds or more than half a gigabyte is a fault. It ends the run, and the file stays in a folder that
+the last line names. Files are opened in a child process, which a crash may take along. File number n depends on target,
+seed and n only: ``--first n --files 1`` makes it again.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from deltalux.transport.receivers import Pixels, Vertices
 sys.path.insert(0, str(Path(__file__).parent))
 import mutations as mu  # noqa: E402
 import samples  # noqa: E402
+import structured  # noqa: E402
 from samples import Files  # noqa: E402
 
 MANIFEST = "manifest.json"
@@ -81,6 +83,15 @@ def _harmed_text(text: bytes, rng: Random) -> bytes:
     return mu.harm_bytes(text, rng) if rng.random() < 0.1 else mu.write(mu.harm_tree(mu.parse(text), rng)).encode()
 
 
+def harmed_picture(files: Files, rng: Random) -> Files:
+    return {name: mu.harm_bytes(data, rng) for name, data in files.items()}
+
+
+def any_bytes(files: Files, rng: Random) -> Files:
+    """Of a length like that of the sample."""
+    return {name: rng.randbytes(rng.randrange(len(data) + 1)) for name, data in files.items()}
+
+
 # What is done with it -------------------------------------------------------------------------------------------------
 
 
@@ -107,13 +118,35 @@ def load_scene(folder: Path) -> None:
     scene.albedo_at(np.arange(len(scene.triangles)), np.full((len(scene.triangles), 2), 1 / 3))
 
 
+def load_picture(folder: Path) -> None:
+    for path in folder.iterdir():
+        dl.Environment.load(path, repair="zero").cubemap(4)
+
+
 _SUFFIXES = (".glb", ".gltf")
 
 TARGETS: dict[str, tuple[Harm, Use]] = {
     "manifest": (harmed_manifest, open_transport),
     "tile": (harmed_tile, open_transport),
     "gltf": (harmed_gltf, load_scene),
+    "picture": (harmed_picture, load_picture),
+    "calls": (any_bytes, structured.play_calls),
+    "mesh": (any_bytes, structured.trace_mesh),
 }
+
+
+def bases_of(targets: list[str], folder: Path) -> dict[str, list[Files]]:
+    """What the files of some targets begin as."""
+    transports = samples.transports(folder) if {"manifest", "tile"} & set(targets) else []
+    made = {
+        "manifest": transports,
+        "tile": transports,
+        "gltf": samples.scenes(),
+        "picture": samples.pictures(folder),
+        "calls": [{structured.CALLS: bytes(range(72))}],
+        "mesh": [{structured.MESH: bytes(range(0, 252, 2)) + bytes(range(1, 235))}],
+    }
+    return {target: made[target] for target in targets}
 
 
 def make(target: str, bases: list[Files], seed: int, number: int) -> Files:
@@ -214,6 +247,7 @@ def run(
     seconds: float,
     keep: Path,
     use: Use | None = None,
+    most: float | None = None,
 ) -> bool:
     """Whether a child opened all files, or files for so many seconds, without a fault."""
     context = multiprocessing.get_context("spawn")
@@ -221,15 +255,15 @@ def run(
     state = context.Array("d", [first, 0.0, 0.0, 0.0], lock=False)
     ours, theirs = context.Pipe(duplex=False)
     stop = first + (files if files is not None else 1 << 60)
-    started = time.monotonic()
+    started, most = time.monotonic(), SECONDS if most is None else most
     arguments = (target, bases, (seed, first, stop), seconds, use or TARGETS[target][1], state, theirs)
     worker = context.Process(target=child, args=arguments)
     worker.start()
     what = ""
     while worker.is_alive() and not what:
         worker.join(0.1)
-        if state[1] and worker.is_alive() and time.monotonic() - state[1] > SECONDS:
-            what = f"took more than {SECONDS:g} s"
+        if state[1] and worker.is_alive() and time.monotonic() - state[1] > most:
+            what = f"took more than {most:g} s"
     if what:
         worker.kill()
         worker.join()
@@ -256,13 +290,15 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--files", type=int, help="how many of each target; by default as many as the time allows")
     parser.add_argument("--seconds", type=float, help="time for each target; 10 where --files does not say enough")
     parser.add_argument("--keep", type=Path, default=Path("fuzz-faults"), help="where a file that shows a fault is put")
+    parser.add_argument(
+        "--most", type=float, default=SECONDS, help="seconds that a file may take; default: %(default)s"
+    )
     given = parser.parse_args(arguments)
     seconds = given.seconds if given.seconds is not None else 10.0 if given.files is None else 1e9
     with tempfile.TemporaryDirectory() as folder:
-        wants_transports = set(given.target) & {"manifest", "tile"}
-        transports = samples.transports(Path(folder)) if wants_transports else []
-    bases = {"manifest": transports, "tile": transports, "gltf": samples.scenes()}
-    done = [run(t, bases[t], given.seed, given.first, given.files, seconds, given.keep) for t in given.target]
+        bases = bases_of(given.target, Path(folder))
+    how = (given.seed, given.first, given.files, seconds, given.keep)
+    done = [run(target, bases[target], *how, most=given.most) for target in given.target]
     return 0 if all(done) else 1
 
 

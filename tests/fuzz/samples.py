@@ -98,6 +98,14 @@ def scenes() -> list[Files]:
     ]
 
 
+def pictures(folder: Path) -> list[Files]:
+    """A light in each format that is read as one."""
+    light = np.random.default_rng(0).random((8, 16, 3)).astype(np.float32)
+    for name in ("light.exr", "light.hdr"):
+        dl.write(folder / name, light)
+    return [{name: (folder / name).read_bytes()} for name in ("light.exr", "light.hdr")]
+
+
 def glb(text: bytes, binary: bytes) -> bytes:
     """A header of twelve bytes, then chunks of length, type and content, padded to four bytes."""
     text, binary = text + b" " * (-len(text) % 4), binary + b"\0" * (-len(binary) % 4)

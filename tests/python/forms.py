@@ -63,9 +63,11 @@ TIMED = {"per-band-time", "dealer-time", "own-time"}
 SPACES = {"haar:8": dl.Haar(8), "sh:8": dl.SphericalHarmonics(8)}
 
 
-def dense(rng: np.random.Generator, columns: int, rows: int = ROWS, *more: int, scale: float = 1.0) -> np.ndarray:
-    """Rows whose entries span five decades; as the float32 that a pass delivers."""
-    shape = (rows, columns, *more)
+def dense(
+    rng: np.random.Generator, columns: int, rows: int | None = None, *more: int, scale: float = 1.0
+) -> np.ndarray:
+    """Rows, by default ROWS, whose entries span five decades; as the float32 that a pass delivers."""
+    shape = (ROWS if rows is None else rows, columns, *more)
     values = scale * rng.normal(size=shape) * 10.0 ** rng.uniform(-5, -1, (columns, *(1 for _ in more)))
     values *= rng.random(shape) < 0.5
     return values.astype(np.float32).astype(np.float64)
@@ -215,7 +217,8 @@ def texels(columns, rng, glossy=False, **options) -> Form:
     if glossy:
         models = [dl.brdf.Phong(1), dl.brdf.GGX(1.5, n=1.5)]
         lobe = np.where(np.arange(ROWS) % 2, np.arange(ROWS) // 2 % 2, 65535).astype(np.uint16)
-        eyes = normals + 0.5 * rng.normal(size=(ROWS, 3))
+        # Where an eye looks along the surface, the lobe is narrower, and the middle of a texel no longer speaks for it.
+        eyes = normals + 0.5 * np.clip(rng.normal(size=(ROWS, 3)), -1, 1)
         eyes = (eyes / np.linalg.norm(eyes, axis=1, keepdims=True)).astype(np.float32)
         for row in np.flatnonzero(lobe < 2):
             wi, wo = (local(normals[row], d) for d in (directions, eyes[row]))

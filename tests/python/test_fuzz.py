@@ -27,8 +27,7 @@ samples, mu = fuzz.samples, fuzz.mu
 
 @pytest.fixture(scope="module")
 def bases(tmp_path_factory):
-    transports = samples.transports(tmp_path_factory.mktemp("fuzz"))
-    return {"manifest": transports, "tile": transports, "gltf": samples.scenes()}
+    return fuzz.bases_of(list(fuzz.TARGETS), tmp_path_factory.mktemp("fuzz"))
 
 
 @pytest.mark.parametrize("target", fuzz.TARGETS)

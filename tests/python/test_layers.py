@@ -31,7 +31,7 @@ RUST_FLOORS = (
 )
 PYTHON_FLOORS = (
     ("_core",),
-    ("mistakes", "plain"),
+    ("mistakes", "plain", "starting"),
     ("checks", "images"),
     ("rotation", "io", "output", "progress", "tasks"),
     ("light", "update", "columns", "brdf", "camera"),

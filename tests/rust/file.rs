@@ -383,6 +383,24 @@ fn no_flipped_bit_of_a_manifest_is_believed() {
     assert!(matches!(open(&path, &models), Err(Error::Os { .. })));
 }
 
+/// Whoever changes the quantum, or the width of integers that fit both, scales all values: files of tiles say their own.
+#[test]
+fn values_in_another_unit_are_refused() {
+    let scratch = Scratch::new();
+    let path = scratch.path("a.transport");
+    write(&path, &small(Width::I8), Width::I8);
+    let text = fs::read_to_string(path.join(MANIFEST)).unwrap();
+    let at = text.find("\"quantum\": ").unwrap() + "\"quantum\": ".len();
+    let end = at + text[at..].find(',').unwrap();
+    let quantum: i32 = text[at..end].parse().unwrap();
+    let forged = format!("{}{}{}", &text[..at], quantum + 1, &text[end..]);
+    fs::write(path.join(MANIFEST), resealed(&forged)).unwrap();
+    assert!(refused(&path).contains("expected values in the unit"));
+    // Before version 2.3 nothing was said, but what is said is held against the manifest all the same.
+    fs::write(path.join(MANIFEST), resealed(&forged.replacen("2,\n    3", "2,\n    2", 1))).unwrap();
+    assert!(refused(&path).contains("expected values in the unit"));
+}
+
 #[test]
 fn hostile_manifests_are_refused_with_a_reason() {
     let scratch = Scratch::new();
@@ -438,7 +456,7 @@ fn hostile_manifests_are_refused_with_a_reason() {
     let before = text.rsplit_once(",\n  \"digest\"").unwrap().0.to_owned() + "\n}";
     fs::write(path.join(MANIFEST), &before).unwrap();
     assert!(refused(&path).contains("digest"));
-    fs::write(path.join(MANIFEST), before.replacen("2,\n    2", "2,\n    1", 1)).unwrap();
+    fs::write(path.join(MANIFEST), before.replacen("2,\n    3", "2,\n    1", 1)).unwrap();
     assert_eq!(open(&path, &models).unwrap().product.rows(), ROWS);
     // Keys that are unknown are ignored, as the format promises to its own future.
     let moody = text.replacen("\"rows\"", "\"mood\": [1, {\"a\": 2}], \"rows\"", 1);

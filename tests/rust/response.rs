@@ -91,7 +91,7 @@ fn case(seed: u64, width: Width) -> Case {
             group.dropped = norms(&dropped[start..start + GROUP]);
             groups.push(group);
         }
-        tiles.push(Tile::assemble(here, columns, Channels::One, width, &groups));
+        tiles.push(Tile::assemble(here, columns, Channels::One, (width, quantum), &groups));
     }
     integers.truncate(rows);
     dropped.truncate(rows);

@@ -10,13 +10,14 @@ import sys
 import time
 import warnings
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NoReturn
 
 from .._core import __version__, set_threads
+from ..starting import INTERRUPTED, begun, ended
 from . import dataset, demo, edit, precompute, relight, render, report, study, view
 from .arguments import Parser
 
-__all__ = ["main"]
+__all__ = ["main", "run"]
 
 
 _LONG = 5.0
@@ -27,6 +28,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Runs one command and returns its exit status: 0, 2 after an error, 130 after Ctrl-C."""
     chosen, began = None, time.monotonic()
     try:
+        begun()
         chosen = _parser().parse_args(arguments)
         with warnings.catch_warnings():
             warnings.simplefilter("always", UserWarning)
@@ -37,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if (seconds := time.monotonic() - began) >= _LONG:
             print(f"deltalux: done in {seconds:.0f} s", file=sys.stderr)
     except KeyboardInterrupt:
-        return _stop(130, getattr(chosen, "when_stopped", "stopped"))
+        return _stop(INTERRUPTED, getattr(chosen, "when_stopped", "stopped"))
     except BrokenPipeError:
         # Whoever reads our output has enough of it; Python must not complain again at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -47,9 +49,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
+def run() -> NoReturn:
+    """The whole process of one command."""
+    status = main()
+    ended()
+    sys.exit(status)
+
+
 def _stop(status: int, message: str) -> int:
     # A bar may be standing on the line.
-    start = "\n" if status == 130 and sys.stderr.isatty() else ""
+    start = "\n" if status == INTERRUPTED and sys.stderr.isatty() else ""
     print(f"{start}deltalux: {message}", file=sys.stderr)
     return status
 

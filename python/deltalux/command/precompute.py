@@ -66,6 +66,7 @@ def add(commands: Any) -> None:
 
     command = add_command(commands, "info", _info, "what a transport holds")
     command.add_argument("transport", metavar="TRANSPORT")
+    command.add_argument("--verify", action="store_true", help="work out again what can be of what its files say")
 
 
 def _precompute(chosen: argparse.Namespace) -> None:
@@ -101,6 +102,9 @@ def _precompute(chosen: argparse.Namespace) -> None:
 
 def _info(chosen: argparse.Namespace) -> None:
     transport = Transport.open(chosen.transport)
+    if chosen.verify:
+        say("\n".join(transport.verify()))
+        return
     say(transport)
     say(transport.plan)
     columns, size = transport.columns, transport.column_bytes

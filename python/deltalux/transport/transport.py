@@ -36,6 +36,7 @@ from .plan import Plan, Solve
 from .receivers import Pixels, Receivers, Vertices, of_table
 from .seen import Seen, Shares
 from .stack import write_stack
+from .verifying import verified
 from .views import Views
 
 if TYPE_CHECKING:
@@ -634,6 +635,24 @@ class Transport(Matrix):
             return None
         groups, rows = found
         return (groups.astype(np.int64)[:, None] * GROUP + np.arange(GROUP)).ravel(), Transport(rows)
+
+    def verify(self) -> list[str]:
+        """Works out again what can be of what the files say: digests, structure and norms as they are on the disk now,
+        norms of texel columns, losses against the audit, the scene.
+
+        Returns
+        -------
+        list of str
+            One sentence for each; the last says what is believed.
+
+        Raises
+        ------
+        FileError
+            If something is not what it is said to be.
+        ValueError
+            If the transport is in memory only.
+        """
+        return list(verified(self))
 
     def truncated(self, path: str | os.PathLike[str], tolerance: float) -> Transport:
         """Writes a smaller transport with a larger stated error, and opens it.

@@ -117,64 +117,75 @@ mod avx2 {
 
     use super::Eight;
 
-    /// AVX2 lanes.
-    ///
-    /// SAFETY (of every `unsafe` block below): values of this type are made only inside functions that are reached after
-    /// `is_x86_feature_detected!("avx2")`; loads and stores go through references to exactly eight f32.
+    /// AVX2 lanes. Values of this type are made inside functions alone that are reached after
+    /// `is_x86_feature_detected!("avx2")`: whoever has one, has AVX2.
     #[derive(Clone, Copy)]
     pub(in crate::scene) struct Avx2(__m256);
 
     impl Eight for Avx2 {
         #[inline(always)]
         fn splat(value: f32) -> Self {
+            // SAFETY: values are made where AVX2 was found alone.
             unsafe { Avx2(_mm256_set1_ps(value)) }
         }
         #[inline(always)]
         fn load(from: &[f32; 8]) -> Self {
+            // SAFETY: as above; eight floats are there, and loads need no alignment.
             unsafe { Avx2(_mm256_loadu_ps(from.as_ptr())) }
         }
         #[inline(always)]
         fn store(self, to: &mut [f32; 8]) {
+            // SAFETY: a value is there, and so is AVX2; there is room for eight floats, and stores need no alignment.
             unsafe { _mm256_storeu_ps(to.as_mut_ptr(), self.0) }
         }
         #[inline(always)]
         fn add(self, other: Self) -> Self {
+            // SAFETY: a value is there, and so is AVX2.
             unsafe { Avx2(_mm256_add_ps(self.0, other.0)) }
         }
         #[inline(always)]
         fn sub(self, other: Self) -> Self {
+            // SAFETY: a value is there, and so is AVX2.
             unsafe { Avx2(_mm256_sub_ps(self.0, other.0)) }
         }
         #[inline(always)]
         fn mul(self, other: Self) -> Self {
+            // SAFETY: a value is there, and so is AVX2.
             unsafe { Avx2(_mm256_mul_ps(self.0, other.0)) }
         }
         #[inline(always)]
         fn min(self, other: Self) -> Self {
+            // SAFETY: a value is there, and so is AVX2.
             unsafe { Avx2(_mm256_min_ps(self.0, other.0)) }
         }
         #[inline(always)]
         fn max(self, other: Self) -> Self {
+            // SAFETY: a value is there, and so is AVX2.
             unsafe { Avx2(_mm256_max_ps(self.0, other.0)) }
         }
         #[inline(always)]
         fn abs(self) -> Self {
+            // SAFETY: a value is there, and so is AVX2.
             unsafe { Avx2(_mm256_andnot_ps(_mm256_set1_ps(-0.0), self.0)) }
         }
         #[inline(always)]
         fn neg(self) -> Self {
+            // SAFETY: a value is there, and so is AVX2.
             unsafe { Avx2(_mm256_xor_ps(_mm256_set1_ps(-0.0), self.0)) }
         }
         #[inline(always)]
         fn le(self, other: Self) -> u32 {
+            // SAFETY: a value is there, and so is AVX2.
             unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(self.0, other.0)) as u32 }
         }
         #[inline(always)]
         fn lt(self, other: Self) -> u32 {
+            // SAFETY: a value is there, and so is AVX2.
             unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(self.0, other.0)) as u32 }
         }
         #[inline(always)]
         fn select(bits: u32, yes: Self, no: Self) -> Self {
+            // SAFETY: values are there, and so is AVX2.
             unsafe {
                 let lane = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
                 let set = _mm256_cmpeq_epi32(_mm256_and_si256(_mm256_set1_epi32(bits as i32), lane), lane);
@@ -184,12 +195,14 @@ mod avx2 {
         #[inline(always)]
         fn prefetch<T>(of: &T) {
             for line in (0..size_of::<T>()).step_by(64) {
+                // SAFETY: every x86-64 has the instruction; the address lies in what is referred to, and may be any.
                 unsafe { _mm_prefetch::<_MM_HINT_T0>((of as *const T).cast::<i8>().add(line)) }
             }
         }
         #[inline(always)]
         fn least_each(of: &[Self; 8]) -> Self {
             // Half a transposition at each step, the two halves folded at once: 8 x 8 -> 4 x 8 -> 2 x 8 -> 8.
+            // SAFETY: values are there, and so is AVX2.
             unsafe {
                 let pair = |a: __m256, b: __m256| _mm256_min_ps(_mm256_unpacklo_ps(a, b), _mm256_unpackhi_ps(a, b));
                 let four = |a: __m256, b: __m256| {

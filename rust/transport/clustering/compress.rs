@@ -192,7 +192,7 @@ fn matrix(
     let (bands, channels) = (space.bands(), Channels::One);
     let tiles = groups.chunks(tile_rows / GROUP).enumerate().map(|(number, groups)| {
         let rows = tile_rows.min(rows - number * tile_rows);
-        Tile::assemble(rows, bands.stored(), channels, rule.width, groups)
+        Tile::assemble(rows, bands.stored(), channels, (rule.width, rule.quantum), groups)
     });
     TransportMatrix { tiles: tiles.collect(), space, rows, channels, quantum: rule.quantum, tile_rows, bands }
 }

@@ -15,7 +15,7 @@ use crate::transport::entry::{Channels, GROUP, MAX_TILE_ROWS, Width, check_quant
 /// The word by which a manifest is known.
 pub const FORMAT: &str = "deltalux.transport";
 /// The major version is refused where it is unknown; a minor one only adds keys or files that older readers may ignore.
-/// That which is written is the one that `sealed_from` says, or `OF_LAMPS`.
+/// That which is written is the one that `written` says.
 pub const MAJOR: u32 = 2;
 /// The first version: one matrix of pixels, whose part has no name. It is read for good.
 pub const FIRST: u32 = 1;
@@ -25,8 +25,6 @@ pub const LOBED: u32 = 3;
 /// The major version of files in which weights of nodes may be negative, whose nodes readers of `MAJOR` would refuse: all else
 /// in them is as there.
 pub const SIGNED: u32 = 4;
-/// The minor version of `MAJOR` from which on columns may be lamps.
-pub const OF_LAMPS: u32 = 3;
 /// The key of a manifest's own digest.
 const SEAL: &[u8] = b"\"digest\"";
 /// The file that is written last and read first.
@@ -216,6 +214,11 @@ pub const fn sealed_from(major: u32) -> u32 {
     }
 }
 
+/// The minor version of what is written, from which on files of tiles say what unit their values are in.
+pub const fn written(major: u32) -> u32 {
+    sealed_from(major) + 1
+}
+
 /// The last key of a manifest: XXH3 of all that stands before it.
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -355,6 +358,11 @@ impl Manifest {
             }
         }
         Ok(())
+    }
+
+    /// Whether the files of tiles say what unit their values are in.
+    pub fn says_unit(&self) -> bool {
+        self.version[0] != FIRST && self.version[1] >= written(self.version[0])
     }
 
     /// Whether texel columns are made of lobes.

@@ -17,7 +17,7 @@ use super::beside::Beside;
 use super::link;
 use super::manifest::{FileEntry, MANIFEST, Manifest, PartEntry};
 use super::receivers;
-use super::shard::{Directory, Shard};
+use super::shard::{Directory, Shard, unit_of};
 use super::versions::read_manifest;
 use crate::transport::entry::{
     Channels, GROUP, MAX_TILE_ROWS, Width, bf16, group_of, max_step, power_of_two, shift_of,
@@ -72,7 +72,7 @@ pub fn open(path: &Path, models: &MakeModels) -> Result<Opened> {
     let read: Vec<Result<Vec<Tile>>> = shards
         .collect::<Vec<_>>()
         .into_par_iter()
-        .map(|(part, shard, entry)| read_shard(directory, entry, part, shard, &receivers))
+        .map(|(part, shard, entry)| read_shard(directory, entry, part, shard, &receivers, manifest.says_unit()))
         .collect();
     let mut read = read.into_iter();
     let mut matrices = Vec::new();
@@ -123,8 +123,10 @@ fn read_shard(
     part: &PartEntry,
     shard: usize,
     receivers: &ReceiverTable,
+    says_unit: bool,
 ) -> Result<Vec<Tile>> {
     let file = Shard::open(directory, entry)?;
+    file.expect_unit(&unit_of(part.width()?, part.quantum), says_unit)?;
     let numbers = part.tiles_of(shard);
     file.expect_count(arrays_of(part, receivers)? * numbers.len())?;
     let width = part.width()?;
@@ -195,6 +197,7 @@ fn read_tile(file: &Shard, name: &str, rows: usize, part: &PartEntry, width: Wid
     let tile = Tile {
         rows,
         channels,
+        quantum: part.quantum,
         starts: file.slab(&format!("{name}.starts"), &[bands.stored() + 1])?,
         words: file.slab(&format!("{name}.words"), &[entries])?,
         values: match width {
@@ -334,6 +337,7 @@ fn padding_is_zero(tile: &Tile) -> bool {
 
 fn read_audit(file: &Shard, manifest: &Manifest, receivers: &ReceiverTable) -> Result<Audit> {
     let part = &manifest.parts[0];
+    file.expect_unit(&unit_of(Width::I16, part.quantum), manifest.says_unit())?;
     file.expect_count(1 + arrays_of(part, receivers)?)?;
     let count = file.len("audit.groups")?;
     if count == 0 || count * GROUP > MAX_TILE_ROWS {

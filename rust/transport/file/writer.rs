@@ -18,12 +18,12 @@ use crate::error::{Error, Result};
 use super::beside::{self, Beside};
 use super::link;
 use super::manifest::{
-    AUDIT, FORMAT, FileEntry, LINK, LOBED, MAJOR, MANIFEST, Manifest, OF_LAMPS, PartEntry, RECEIVERS, ReceiversEntry,
-    SIGNED, TILES_PER_SHARD, is_part_name, read_small, sealed, sealed_from, shard_name,
+    AUDIT, FORMAT, FileEntry, LINK, LOBED, MAJOR, MANIFEST, Manifest, PartEntry, RECEIVERS, ReceiversEntry, SIGNED,
+    TILES_PER_SHARD, is_part_name, read_small, sealed, shard_name, written,
 };
 use super::open::{self, Audit};
 use super::receivers;
-use super::shard::{Tensor, is_intact, sync_directory, write_file, write_tensors};
+use super::shard::{Tensor, is_intact, sync_directory, unit_of, write_file, write_in_unit, write_tensors};
 use crate::transport::entry::{Channels, GROUP, Width};
 use crate::transport::product::Link;
 use crate::transport::receivers::{ReceiverKind, ReceiverTable};
@@ -80,7 +80,7 @@ pub struct Writer {
     target: PathBuf,
     partial: PathBuf,
     /// Held until the writer goes: no second run writes here.
-    _lock: File,
+    lock: File,
     /// By part and number.
     shards: BTreeMap<(String, usize), FileEntry>,
 }
@@ -103,7 +103,7 @@ impl Writer {
             write_file(&partial, JOB, std::iter::once(job.as_bytes()))?;
         }
         let shards = finished_shards(&partial)?;
-        Ok(Writer { target, partial, _lock: lock, shards })
+        Ok(Writer { target, partial, lock, shards })
     }
 
     /// What `open` would refuse, found without writing anything; the directories of the result and of the run.
@@ -179,7 +179,7 @@ impl Writer {
         if let Some(audit) = audit {
             let mut all = tensors("audit", &audit.tile);
             all.push(Tensor::new("audit.groups", &[audit.groups.len()], &audit.groups));
-            manifest.files.push(write_tensors(&self.partial, AUDIT, all)?);
+            manifest.files.push(write_in_unit(&self.partial, AUDIT, unit(&audit.tile), all)?);
         }
         for own in &about.beside {
             manifest.beside.push(write_tensors(&self.partial, own.file, own.tensors())?);
@@ -190,6 +190,13 @@ impl Writer {
         let lobes = || table.lobes.as_ref().ok_or_else(|| Error::input("expected rows with lobes"));
         drop(open::open(&self.partial, &|_, _| lobes().map(|lobes| Arc::clone(&lobes.models)))?);
         publish(&self.partial, &self.target)
+    }
+}
+
+impl Drop for Writer {
+    fn drop(&mut self) {
+        // A process that was forked meanwhile has the file open as well: closing it here would let go of nothing.
+        let _ = self.lock.unlock();
     }
 }
 
@@ -236,11 +243,9 @@ impl Description {
         let parts: Vec<PartEntry> = self.parts.iter().map(Part::entry).collect();
         parts.iter().try_for_each(PartEntry::check)?;
         let names: Vec<String> = parts.iter().map(|part| part.name.clone()).collect();
-        let lamps = self.parts.iter().any(|part| matches!(part.space, ColumnSpace::Lamps { .. }));
-        let minor = if lamps { OF_LAMPS } else { sealed_from(major) };
         Ok(Manifest {
             format: FORMAT.to_owned(),
-            version: [major, minor],
+            version: [major, written(major)],
             parts,
             chain: link::entry(&names, self.first, &self.link),
             tiles_per_shard: TILES_PER_SHARD,
@@ -255,6 +260,15 @@ impl Description {
             beside: Vec::new(),
         })
     }
+}
+
+/// What a tile's integers are multiples of, as its file says it.
+fn unit(tile: &Tile) -> String {
+    let width = match tile.values {
+        Values::I8(_) => Width::I8,
+        Values::I16(_) => Width::I16,
+    };
+    unit_of(width, tile.quantum)
 }
 
 /// The arrays of a tile: five, and two more where it has texel columns.
@@ -382,7 +396,11 @@ fn put_shard(partial: &Path, part: &str, shard: usize, tiles: &[Tile]) -> Result
     }
     let numbered = tiles.iter().enumerate();
     let tensors = numbered.flat_map(|(k, tile)| tensors(&format!("{:05}", shard * TILES_PER_SHARD + k), tile));
-    let entry = write_tensors(partial, &shard_name(part, shard), tensors.collect())?;
+    let unit = unit(&tiles[0]);
+    if let Some(other) = tiles.iter().find(|tile| self::unit(tile) != unit) {
+        return Err(Error::input(format!("expected tiles in one unit, got {unit} and {}", self::unit(other))));
+    }
+    let entry = write_in_unit(partial, &shard_name(part, shard), unit, tensors.collect())?;
     let record = serde_json::to_vec(&entry).map_err(|error| Error::input(error.to_string()))?;
     write_file(partial, &record_name(part, shard), std::iter::once(&record[..]))?;
     Ok(entry)

@@ -222,10 +222,11 @@ fn add_entry<T: Integer, const C: usize>(registers: &mut Registers, lanes: &[[T;
     for (k, ((red, green), blue)) in red.iter_mut().zip(green).zip(blue).enumerate() {
         // SAFETY: the features are those of this function.
         let values = unsafe { T::four(&lanes[0], 4 * k) };
-        // SAFETY: as above; one channel is loaded once and serves all colours.
+        // One channel is loaded once and serves all colours.
         let (second, third) = if C == 1 {
             (values, values)
         } else {
+            // SAFETY: as above.
             unsafe { (T::four(&lanes[1 % C], 4 * k), T::four(&lanes[2 % C], 4 * k)) }
         };
         *red = _mm256_fmadd_pd(values, change[0], *red);

@@ -91,9 +91,10 @@ impl Engine {
         let columns = Columns { starts: &tile.starts, words: &tile.words, entries };
         #[cfg(target_arch = "x86_64")]
         if self == Engine::Native && avx2::available() {
-            // SAFETY: the processor has what the code needs.
             return match sorted {
+                // SAFETY: the processor has what the code needs.
                 false => unsafe { avx2::walk_marked(&columns, moves, &mut scratch.marks, target) },
+                // SAFETY: as above.
                 true => unsafe { avx2::walk_sorted(&columns, moves, &mut scratch.sorted, target) },
             };
         }
