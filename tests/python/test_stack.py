@@ -60,12 +60,13 @@ def test_an_environment_is_the_sum_over_all_texels(transport, images, directions
     texels /= lengths[:, None]
     cosines = texels @ directions.T
     radiance = env.cubemap(size).reshape(-1, 3).astype(np.float64)
-    picture = np.zeros((HEIGHT, WIDTH, 3))
+    cells, nearest, V = cosines.argmax(axis=1), cosines.max(axis=1), np.zeros((24, 3))
     for texel in range(len(texels)):
-        nearer = texels @ texels[texel] > cosines.max(axis=1)
-        shares = np.bincount(cosines.argmax(axis=1)[nearer], areas[nearer], 24)
-        shares = shares / shares.sum() if nearer.any() else np.eye(24)[cosines[texel].argmax()]
-        picture += np.tensordot(shares, images, 1) * radiance[texel] * areas[texel]
+        nearer = texels @ texels[texel] > nearest
+        shares = np.bincount(cells[nearer], areas[nearer], 24)
+        shares = shares / shares.sum() if nearer.any() else np.eye(24)[cells[texel]]
+        V += shares[:, None] * radiance[texel] * areas[texel]
+    picture = np.einsum("nhwc,nc->hwc", images, V)
     found = transport.image(transport.multiply(transport.coefficients(env)))
     np.testing.assert_allclose(found, picture, rtol=2e-3)
     assert np.isclose(transport.columns.solid_angles.sum(), 4 * np.pi) and transport.columns.covered == pytest.approx(1)
@@ -106,6 +107,13 @@ def test_the_view_shows_it(transport):
     assert relit.maps(shot) == {} and relit.exact(shot) is not None
     with pytest.raises(ValueError, match="Haar basis"):
         relit.look(1, 1)
+
+
+def test_what_needs_a_scene_says_so(transport, tmp_path):
+    with pytest.raises(ValueError, match="or from pictures"):
+        transport.for_camera(transport.camera, tmp_path / "b.transport", progress=False)
+    smaller = transport.truncated(tmp_path / "c.transport", 0.05)
+    assert (smaller.columns.directions == transport.columns.directions).all()
 
 
 def test_light_is_fitted_to_a_stack(transport, images):
