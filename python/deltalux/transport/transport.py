@@ -530,11 +530,12 @@ class Transport(Matrix):
     @cached_property
     def surface(self) -> Surface:
         """The triangles and materials that M was computed from, as the file keeps them; ValueError where it keeps none
-        (before 0.5), FileError where they are not those of its manifest."""
+        (before 0.5, or from pictures), FileError where they are not those of its manifest."""
         arrays = self._core.beside("scene")
         if arrays is None:
             raise ValueError(
-                "expected a transport that keeps its scene, but this one was made before 0.5, or of a measured material"
+                "expected a transport that keeps its scene, but this one was made before 0.5, of a measured material, "
+                "or from pictures"
             )
         try:
             surface = Surface.restored(arrays)
