@@ -26,7 +26,7 @@ def run(clock: Clock, seed: int, folder: Path) -> Tally:
         words = ["--target", target, "--seed", 1000 + seed, "--seconds", seconds, "--keep", folder / "fuzz-faults"]
         words += ["--most", PATIENCE]
         done = subprocess.run(
-            [sys.executable, str(FUZZ), *map(str, words)], capture_output=True, text=True, timeout=seconds + 300
+            [sys.executable, str(FUZZ), *map(str, words)], capture_output=True, text=True, timeout=seconds + 1000
         )
         found = re.search(r": (\d+) files", done.stdout)
         files = int(found[1]) if found else 0

@@ -13,13 +13,13 @@ from .tally import Clock, Tally
 WHAT = "calls by 2 to 8 threads on shared objects, beside busy processes, forks and Ctrl-C"
 SHARE = 1.5
 
-STARTING = 120.0
+STARTING = 900.0
 """Seconds that may pass before threads begin, and until a hang is noticed."""
 
 
 def run(clock: Clock, seed: int, folder: Path) -> Tally:
     tally, threads = Tally(), (8, 2, 4)[seed % 3]
-    words = ["--seconds", max(clock.left() - 10, 5), "--threads", threads, "--seed", seed]
+    words = ["--seconds", max(clock.left() - 10, 5), "--threads", threads, "--seed", seed, "--patience", 10]
     program = ROOT / "tests/python/stress.py"
     command, seconds = [sys.executable, str(program), *map(str, words)], clock.left() + STARTING
     done = subprocess.run(command, capture_output=True, text=True, timeout=seconds)

@@ -120,7 +120,7 @@ def alone() -> None:
     dl.Environment.from_latlong(np.ones((16, 32, 3))).cubemap(8)
 
 
-def fork() -> str:
+def fork(patience: float) -> str:
     """A child of all these threads; what went wrong with it."""
     child = os.fork()
     if not child:
@@ -130,7 +130,7 @@ def fork() -> str:
             os._exit(0)
         finally:
             os._exit(1)
-    until = time.monotonic() + PATIENCE
+    until = time.monotonic() + PATIENCE * patience
     while time.monotonic() < until:
         process, status = os.waitpid(child, os.WNOHANG)
         if process:
@@ -161,7 +161,9 @@ def spin(seconds: float) -> None:
         pass
 
 
-def run(folder: Path, seconds: float, threads: int, seed: int, spawn: bool) -> tuple[dict[str, int], list[str]]:
+def run(
+    folder: Path, seconds: float, threads: int, seed: int, spawn: bool, patience: float
+) -> tuple[dict[str, int], list[str]]:
     """How often each call was made, and what went wrong."""
     all_calls, context = calls(folder), multiprocessing.get_context("spawn")
     end, wrong, made = time.monotonic() + seconds, [], [dict.fromkeys(all_calls, 0) for _ in range(threads)]
@@ -181,14 +183,14 @@ def run(folder: Path, seconds: float, threads: int, seed: int, spawn: bool) -> t
     for one in [*busy, *running]:
         one.start()
     rng, before = np.random.default_rng((seed, 99)), -1
-    faulthandler.dump_traceback_later(STILL, exit=True)
+    faulthandler.dump_traceback_later(STILL * patience, exit=True)
     while time.monotonic() < end and not wrong:
-        wrong += [what for what in (fork(), interrupted(folder, rng)) if what]
+        wrong += [what for what in (fork(patience), interrupted(folder, rng)) if what]
         if (now := min(sum(own.values()) for own in made)) > before:
             before = now
-            faulthandler.dump_traceback_later(STILL, exit=True)
+            faulthandler.dump_traceback_later(STILL * patience, exit=True)
     for one in [*running, *busy]:
-        one.join(STILL)
+        one.join(STILL * patience)
     faulthandler.cancel_dump_traceback_later()
     return {name: sum(own[name] for own in made) for name in all_calls}, wrong
 
@@ -199,9 +201,10 @@ def main() -> int:
     parser.add_argument("--threads", type=int, default=8)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--no-spawn", action="store_true", help="no other processes that keep the machine busy")
+    parser.add_argument("--patience", type=float, default=1.0, help="times as long until something is said to hang")
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        made, wrong = run(Path(folder), given.seconds, given.threads, given.seed, not given.no_spawn)
+        made, wrong = run(Path(folder), given.seconds, given.threads, given.seed, not given.no_spawn, given.patience)
     for what in wrong:
         print(f"FAULT: {what}")
     print(f"{sum(made.values())} calls: {', '.join(f'{name} {count}' for name, count in made.items())}")

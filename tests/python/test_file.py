@@ -105,7 +105,7 @@ def test_what_a_file_says(tmp_path):
     assert table.kind == "pixels" and table.image_shape == (2, 70) and table.material is None and len(table) == 70
     for name in ("pixel", "weight", "albedo", "position", "normal"):
         np.testing.assert_array_equal(getattr(table, name), receivers(70)[name])
-    assert table.background.shape == (2, 70) and opened.audit() is None and opened.version == [2, 2]
+    assert table.background.shape == (2, 70) and opened.audit() is None and opened.version == [2, 3]
     assert opened.nbytes > 0 and table.nbytes == 70 * 44 + 140 * 4
     indptr, indices, data = opened.to_csr(0)
     stored = read_dense(opened)
