@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tarfile
 import textwrap
+import time
 from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
@@ -214,7 +215,8 @@ class Stopping:
 
 
 def test_any_run_leaves_the_same_bytes(transport, tmp_path):
-    options = {"count": 12, "shard": 3, "progress": False, "format": "png16"}
+    # EXR: its files are dated, unless somebody sees to it.
+    options = {"count": 12, "shard": 3, "progress": False}
     alone = tmp_path / "alone"
     dl.dataset(transport, alone, **options)
     # Stopped after two of four shards, with remains of one that was killed.
@@ -222,6 +224,7 @@ def test_any_run_leaves_the_same_bytes(transport, tmp_path):
     with pytest.raises(KeyboardInterrupt):
         dl.dataset(transport, stopped, executor=Stopping(), **options)
     (stopped / "pictures" / ".00003.1234").mkdir()
+    time.sleep(1.0 - time.time() % 1.0)
     again = dl.dataset(transport, stopped, **options)
     assert again.made == 6 and tree(stopped) == tree(alone)
     assert "there already" in str(dl.dataset(transport, stopped, **options))

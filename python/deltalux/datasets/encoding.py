@@ -25,6 +25,8 @@ _SHARES = ("mask", "albedo")
 _WHOLE = ("depth", "position")
 """What half floats are too coarse for."""
 _LARGEST_HALF = 65_504.0
+_UNDATED = {"DateTime": "1970:01:01 00:00:00"}
+"""OpenEXR files are dated, and bytes are to be the same whenever they are made."""
 _WHITE = 65_535.0
 
 
@@ -77,9 +79,10 @@ class Format:
             shown = _srgb16(pixels, exposure) if what in PICTURES else _linear16(pixels)
             write_pixels(folder / f"{stem}.png", shown, "uint16", level=self.compression)
             return f"{stem}.png"
-        if self._halved(what):
-            pixels = pixels.clip(-_LARGEST_HALF, _LARGEST_HALF)
-        write_pixels(folder / f"{stem}.exr", pixels, "half" if self._halved(what) else "float", level=self.compression)
+        # The library turns floats into halves as well, and takes longer.
+        numbers = self._numbers(what, pixels)
+        number = "half" if numbers.dtype == np.float16 else "float"
+        write_pixels(folder / f"{stem}.exr", numbers, number, _UNDATED, level=self.compression)
         return f"{stem}.exr"
 
     def _halved(self, what: str) -> bool:
