@@ -97,12 +97,7 @@ impl Mix {
     }
 
     /// B_x = sum_k weight_xk B_k,x.
-    pub(in crate::update) fn write<T: Rounded>(
-        &self,
-        matrix: &TransportMatrix,
-        responses: &[&Tiles],
-        out: &mut [T],
-    ) {
+    pub(in crate::update) fn write<T: Rounded>(&self, matrix: &TransportMatrix, responses: &[&Tiles], out: &mut [T]) {
         each_row(matrix, out, |tile, row, within| {
             let mut sum = [0.0; 3];
             for (response, &weight) in responses.iter().zip(self.row(row)) {
