@@ -158,6 +158,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 def test_mpi_leaves_the_same_bits_though_a_worker_is_killed(transport, alone, tmp_path):
     pytest.importorskip("mpi4py", reason="needs mpi4py and an MPI")
     mpiexec = shutil.which("mpiexec") or shutil.which("mpiexec", path=str(Path(sys.executable).parent))
