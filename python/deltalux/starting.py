@@ -5,7 +5,7 @@ It lies under all other modules, is imported before them, and imports next to no
 is Python's own. Hence `_signal`, which is built in, where `signal` reads two files.
 """
 
-import _signal
+import _signal  # type: ignore[import-not-found]  # no stubs describe it
 import os
 import sys
 
