@@ -68,14 +68,14 @@ impl Clusters {
 
     /// The first stage: means and representatives.
     #[getter]
-    fn representatives(&self) -> Transport {
-        Transport::of(Arc::clone(&self.first))
+    fn representatives(&self, py: Python<'_>) -> PyResult<Transport> {
+        Transport::of(py, Arc::clone(&self.first))
     }
 
     /// The second stage.
     #[getter]
-    fn weights(&self) -> Transport {
-        Transport::of(Arc::clone(&self.then))
+    fn weights(&self, py: Python<'_>) -> PyResult<Transport> {
+        Transport::of(py, Arc::clone(&self.then))
     }
 
     /// What links them.

@@ -46,8 +46,8 @@ impl Transport {
     }
 
     /// One matrix in memory.
-    pub(super) fn of(matrix: Arc<TransportMatrix>) -> Self {
-        Transport::new(Product::one(matrix), None)
+    pub(super) fn of(py: Python<'_>, matrix: Arc<TransportMatrix>) -> PyResult<Self> {
+        compute(py, || Ok(Transport::new(Product::one(matrix), None)))
     }
 
     /// The matrices, and what links them.
