@@ -8,9 +8,9 @@ use pyo3::prelude::*;
 use crate::transport::clustering::STEPS;
 use crate::transport::{self as core, Clustering, TransportMatrix};
 
+use super::interruptible;
 use super::pieces::Link;
 use super::transport::Transport;
-use super::{compute, interruptible};
 
 /// Two stages that stand for the rows of a transport.
 #[pyclass(frozen, module = "deltalux._core")]
@@ -69,13 +69,13 @@ impl Clusters {
     /// The first stage: means and representatives.
     #[getter]
     fn representatives(&self, py: Python<'_>) -> PyResult<Transport> {
-        compute(py, || Ok(Transport::of(Arc::clone(&self.first))))
+        Transport::of(py, Arc::clone(&self.first))
     }
 
     /// The second stage.
     #[getter]
     fn weights(&self, py: Python<'_>) -> PyResult<Transport> {
-        compute(py, || Ok(Transport::of(Arc::clone(&self.then))))
+        Transport::of(py, Arc::clone(&self.then))
     }
 
     /// What links them.

@@ -1,7 +1,7 @@
 //! Running Rust work from Python: our own thread pool, no lock held, Ctrl-C and progress served meanwhile.
 //!
 //! The pool is keyed by the process id: rayon's threads do not survive `fork`, and a child that met its parent's pool
-//! would wait for them for ever. It is never rayon's global pool, which is put out of use: see `without_a_global_pool`.
+//! would wait for them for ever. It is never rayon's global pool, which does not survive it either.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, AtomicPtr, AtomicU64, AtomicUsize, Ordering};
@@ -55,8 +55,9 @@ fn pool() -> std::result::Result<&'static ThreadPool, PyErr> {
     Ok(&fresh.pool)
 }
 
-/// Lets rayon's global pool fail where it is first met. What runs in it by mistake works until a process forks, and then
-/// waits for ever in the child: so it shall not work at all, in any test.
+/// Lets rayon's global pool fail where it is first met, for tests: what runs in it by mistake works until a process forks,
+/// and then waits for ever in the child.
+#[pyfunction]
 fn without_a_global_pool() {
     let none = ThreadPoolBuilder::new().num_threads(1).spawn_handler(|_| Err(std::io::Error::other("no global pool")));
     // The error is the purpose.
@@ -230,8 +231,8 @@ fn threads() -> PyResult<usize> {
 
 /// Adds what this file has for Python to the module.
 pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    without_a_global_pool();
     module.add_function(wrap_pyfunction!(set_threads, module)?)?;
+    module.add_function(wrap_pyfunction!(without_a_global_pool, module)?)?;
     module.add_function(wrap_pyfunction!(threads, module)?)?;
     Ok(())
 }

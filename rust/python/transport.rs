@@ -46,8 +46,8 @@ impl Transport {
     }
 
     /// One matrix in memory.
-    pub(super) fn of(matrix: Arc<TransportMatrix>) -> Self {
-        Transport::new(Product::one(matrix), None)
+    pub(super) fn of(py: Python<'_>, matrix: Arc<TransportMatrix>) -> PyResult<Self> {
+        compute(py, || Ok(Transport::new(Product::one(matrix), None)))
     }
 
     /// The matrices, and what links them.
@@ -551,7 +551,7 @@ impl Transport {
             return Err(Error::input("expected a transport of one stage, whose rows take direct light").into());
         }
         let matrix = Arc::clone(self.product().first.first());
-        compute(py, || Ok(Transport::of(matrix)))
+        Transport::of(py, matrix)
     }
 
     /// (threshold, expected relative L2 error, expected entries a group) for a tolerance, from the audit where there is

@@ -16,6 +16,9 @@ from hypothesis import settings
 settings.register_profile("suite", derandomize=True, deadline=None)
 settings.load_profile("suite")
 
+# Whatever runs outside our own pool fails here, and does not wait for ever in some child of a fork.
+_core.without_a_global_pool()
+
 CENTRES = "centres"
 
 
