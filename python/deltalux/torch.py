@@ -76,7 +76,8 @@ class RelitDataset(Dataset[dict[str, Any]]):
         return {name: value for name, value in vars(self).items() if name not in ("_backdrop", "_still")}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        vars(self).update(state)
+        for name, value in state.items():
+            setattr(self, name, value)
         self._backdrop = Backdrop(self._transport, self._background)
 
     def __len__(self) -> int:
@@ -99,7 +100,7 @@ class RelitDataset(Dataset[dict[str, Any]]):
         ]
 
 
-def _tensor(array: Any) -> torch.Tensor:
-    """Channels first, as PyTorch has pictures."""
-    found = torch.from_numpy(array)
+def _tensor(array: Any) -> Any:
+    """A tensor with channels first, as PyTorch has pictures."""
+    found = torch.from_numpy(array)  # pyright: ignore[reportAttributeAccessIssue]
     return found.permute(2, 0, 1).contiguous() if found.ndim == 3 else found

@@ -23,6 +23,8 @@ html_theme_options = {
 }
 
 extensions = ["sphinx.ext.autodoc", "numpydoc"]
+# No page needs PyTorch to be there.
+autodoc_mock_imports = ["torch"]
 autodoc_member_order = "bysource"
 # Signatures say the types, in the words of the source.
 autodoc_typehints = "signature"
