@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._core import FileError
-from ..plain import open_plain
+from ..plain import open_plain, read_plain
 from . import attributes, colour, radiance
 from .channels import Choice, choose
 from .oiio import MAX_MEGABYTES, library, reason
@@ -51,7 +51,8 @@ def load_image(path: str | os.PathLike[str], layer: str | None = None) -> tuple[
     # The operating system says best why a file cannot be opened.
     with open_plain(name) as file:
         own = file.read(len(radiance.MAGIC)) == radiance.MAGIC
-        data = radiance.MAGIC + file.read(MAX_MEGABYTES << 20) if own else b""
+    # Room is made for as much as there is: a read of at most so much would ask for all of that.
+    data = read_plain(name, MAX_MEGABYTES << 20) if own else b""
     try:
         if not own:
             return _by_library(name, layer)
