@@ -119,17 +119,21 @@ def beginning(name: str, folder: Path) -> Path:
 
 
 def half_done(path: str) -> bool:
-    """Whether a file is one of a run in progress, which nobody takes for a result."""
-    return ".partial/" in path or ".old/" in path or Path(path).name.startswith(".")
+    """Whether a file is one of a run in progress, which nobody takes for a result; or what such a run was about to
+    remove when it had published all."""
+    name = Path(path).name
+    left = name in ("lock", "job.json") or re.fullmatch(r"tiles-.*\.json", name) is not None
+    return ".partial/" in path or ".old/" in path or name.startswith(".") or left
 
 
 def wrong(name: str, folder: Path, ended: bool) -> str:
     """What is wrong with a folder after variant 1 was saved over variant 0, to its end or not; or nothing."""
     before, after = expected(name, folder.parent)
     found = contents(folder)
-    if ended:
-        return "" if found == after else f"{sorted(found)} after all, expected {sorted(after)}"
     manifest, left = SAVES[name].manifest, {file: data for file, data in found.items() if not half_done(file)}
+    if ended:
+        after = {file: data for file, data in after.items() if not half_done(file)}
+        return "" if left == after else f"{sorted(left)} after all, expected {sorted(after)}"
     if manifest is None or manifest in left:
         known = [made for made in (before, after) if manifest is None or made[manifest] == left[manifest]]
         torn = [file for file, data in left.items() if all(made.get(file) != data for made in known)]

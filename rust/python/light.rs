@@ -69,12 +69,15 @@ impl PyEnvironmentMap {
     }
 }
 
+/// Bytes that a texel takes while a map is prepared for a size: measured are 134.
+const TEXEL: usize = 144;
+
 /// The sum of the parts on a cubemap.
 fn resampled(parts: &[Part], size: usize) -> Result<Vec<[f32; 3]>> {
     if !(1..=MAX_SIZE).contains(&size) {
         return Err(Error::input(format!("expected a cubemap face of 1 to {MAX_SIZE} texels, got {size}")));
     }
-    Error::unless_room::<[f32; 6]>(6 * size * size)?;
+    Error::unless_room::<[u8; TEXEL]>(6 * size * size)?;
     let mut radiance = vec![[0.0; 3]; 6 * size * size];
     for (weight, map, rotation) in parts {
         map.get().0.resample(size, rotation, *weight, &mut radiance);

@@ -25,8 +25,6 @@ _SHARES = ("mask", "albedo")
 _WHOLE = ("depth", "position")
 """What half floats are too coarse for."""
 _LARGEST_HALF = 65_504.0
-_UNDATED = {"DateTime": "1970:01:01 00:00:00"}
-"""OpenEXR files are dated, and bytes are to be the same whenever they are made."""
 _WHITE = 65_535.0
 
 
@@ -82,7 +80,7 @@ class Format:
         # The library turns floats into halves as well, and takes longer.
         numbers = self._numbers(what, pixels)
         number = "half" if numbers.dtype == np.float16 else "float"
-        write_pixels(folder / f"{stem}.exr", numbers, number, _UNDATED, level=self.compression)
+        write_pixels(folder / f"{stem}.exr", numbers, number, level=self.compression)
         return f"{stem}.exr"
 
     def _halved(self, what: str) -> bool:
