@@ -203,6 +203,8 @@ def main() -> int:
     parser.add_argument("--no-spawn", action="store_true", help="no other processes that keep the machine busy")
     parser.add_argument("--patience", type=float, default=1.0, help="times as long until something is said to hang")
     given = parser.parse_args()
+    # A shell that runs things in the background has them ignore Ctrl-C, for ever.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     with tempfile.TemporaryDirectory() as folder:
         made, wrong = run(Path(folder), given.seconds, given.threads, given.seed, not given.no_spawn, given.patience)
     for what in wrong:
