@@ -54,6 +54,7 @@ __all__ = [
     "harmonic_window",
     "set_threads",
     "threads",
+    "without_a_global_pool",
     "Behind",
     "agx",
     "display",

@@ -1,7 +1,7 @@
 """Tasks over any `concurrent.futures.Executor`: handed out, taken in as they end, done again where a worker is lost.
 
-A task is a function of one argument, both of which can be pickled, and leaves the same whoever does it, and however
-often: what it makes is put into its place whole.
+A task is a function of one argument, both of which can be sent to another process, and leaves the same whoever does it,
+and however often: what it makes is put into its place whole.
 """
 
 from __future__ import annotations

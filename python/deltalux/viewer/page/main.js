@@ -186,7 +186,7 @@ function text(message) {
   if (message.welcome) return greet(message.welcome);
   if (message.replaced) return begin(message.replaced);
   // What this page has asked for without knowing what it makes is a step of its own, to be undone.
-  if (message.state) app.shared.set(message.state, message.by === app.client ? "here" : "there");
+  if (message.state) app.shared.set(message.state, message.by === app.client ? "asked" : "there");
   if (message.view) app.tell("opened", message.view);
   if (message.problem) say(message.problem);
   if (message.text) app.tell("text", message.text);

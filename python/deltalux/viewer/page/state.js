@@ -16,7 +16,7 @@ export class Store {
     this.values = values;
   }
 
-  /** Changes values; `from` says by whom: "here", or "there" for what came from the server. */
+  /** Changes values; `from` says by whom: "here", or "there" for what came from the server, or "asked" where this page wanted it. */
   set(changes, from = "here") {
     const before = this.values;
     this.values = { ...before, ...changes };
@@ -40,15 +40,17 @@ export class History {
   }
 
   note(keys, from, before) {
-    if (from !== "here" || this.moving) return;
+    if (from === "there" || this.moving) return;
     const own = keys.filter((key) => UNDONE.has(key));
     if (!own.length) return;
     const now = performance.now();
     const latest = this.past.at(-1);
-    if (now - this.last > TOGETHER || !latest || !own.every((key) => key in latest)) this.past.push(pick(before, own));
+    // What was asked for by a button is a step of its own.
+    const alone = from === "asked";
+    if (alone || now - this.last > TOGETHER || !latest || !own.every((key) => key in latest)) this.past.push(pick(before, own));
     this.past.splice(0, this.past.length - STEPS);
     this.future = [];
-    this.last = now;
+    this.last = alone ? -Infinity : now;
   }
 
   undo() {
