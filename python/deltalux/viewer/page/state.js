@@ -16,7 +16,7 @@ export class Store {
     this.values = values;
   }
 
-  /** Changes values; `from` says by whom: "here", or "there" for what came from the server, or "asked" where this page wanted it. */
+  /** Changes values; `from`: "here", "there" for what came from the server, or "asked" where this page wanted that. */
   set(changes, from = "here") {
     const before = this.values;
     this.values = { ...before, ...changes };
@@ -47,7 +47,8 @@ export class History {
     const latest = this.past.at(-1);
     // What was asked for by a button is a step of its own.
     const alone = from === "asked";
-    if (alone || now - this.last > TOGETHER || !latest || !own.every((key) => key in latest)) this.past.push(pick(before, own));
+    const goesOn = now - this.last <= TOGETHER && latest && own.every((key) => key in latest);
+    if (alone || !goesOn) this.past.push(pick(before, own));
     this.past.splice(0, this.past.length - STEPS);
     this.future = [];
     this.last = alone ? -Infinity : now;
