@@ -31,7 +31,7 @@ pub(crate) struct Scene {
 /// Bytes that a triangle takes while the tree is built, and a pixel while its rows are found; `deltalux.precomputation.room`
 /// has them as well, to refuse in better words.
 const TREE: usize = 400;
-const PIXEL: usize = 250;
+const PIXEL: usize = 400;
 
 impl Scene {
     /// Its surfaces.

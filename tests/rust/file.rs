@@ -239,6 +239,18 @@ fn a_kill_between_the_renames_loses_nothing() {
 }
 
 #[test]
+fn what_a_kill_leaves_of_an_old_result_is_in_nobodys_way() {
+    let (scratch, matrix) = (Scratch::new(), small(Width::I8));
+    let (path, old) = (scratch.path("a.transport"), scratch.path("a.transport.old"));
+    write(&path, &matrix, Width::I8);
+    // The manifest went first, and then the process.
+    fs::create_dir(&old).unwrap();
+    fs::copy(path.join("receivers.safetensors"), old.join("receivers.safetensors")).unwrap();
+    write(&path, &small(Width::I16), Width::I16);
+    assert_eq!(fs::read_dir(&scratch.0).unwrap().count(), 1);
+}
+
+#[test]
 fn what_is_not_a_transport_is_never_replaced() {
     let scratch = Scratch::new();
     let matrix = small(Width::I8);

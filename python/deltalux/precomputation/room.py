@@ -12,7 +12,7 @@ from ..transport.plan import Plan
 
 # Bytes: for each pixel that is looked at, and the row that it becomes until receivers are written; each triangle in the
 # tree; and the interpreter with all that it loads.
-PIXEL, TRIANGLE, INTERPRETER = 250.0, 400.0, 120e6
+PIXEL, TRIANGLE, INTERPRETER = 400.0, 400.0, 120e6
 _JOB = "job.txt"
 
 

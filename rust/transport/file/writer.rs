@@ -458,11 +458,12 @@ fn unless_gone(removed: std::io::Result<()>) -> std::io::Result<()> {
 /// After a run that was killed in `publish`: the old result comes back, or goes where the new one has taken its place.
 fn recover(target: &Path) -> Result<()> {
     let old = sibling(target, ".old")?;
+    if Manifest::is_transport(target) {
+        // Whole, or what a kill has left of its removal: the next result could not be put aside to make room.
+        return remove_directory(&old);
+    }
     if !Manifest::is_transport(&old) {
         return Ok(());
-    }
-    if Manifest::is_transport(target) {
-        return remove_directory(&old);
     }
     // An empty directory in its place is nobody's work.
     if names(target)?.is_some() {
