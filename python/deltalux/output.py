@@ -70,10 +70,20 @@ def claim(folder: str | os.PathLike[str], names: Sequence[str]) -> Path:
     path.mkdir(parents=True, exist_ok=True)
     keep_out(path)
     stale = _written(path) - set(names)
-    (path / _LIST).write_text("".join(f"{name}\n" for name in names), encoding="utf-8")
+    _note(path, names)
     for name in stale:
         (path / name).unlink(missing_ok=True)
     return path
+
+
+def _note(path: Path, names: Iterable[str]) -> None:
+    """Writes the list in its place, as it is the lock too, and cuts it only then: whoever is killed in between leaves a
+    name too many, and never a folder whose files are nobody's."""
+    text = "".join(f"{name}\n" for name in names).encode()
+    with open(path / _LIST, "r+b" if (path / _LIST).exists() else "wb") as file:
+        file.write(text)
+        file.flush()
+        file.truncate(len(text))
 
 
 def keep_out(path: Path) -> None:

@@ -140,7 +140,7 @@ BEFORE = {
         print("begun", flush=True)
         camera = _core.Camera(
             position=(0.5, 0.5, 4.0), right=(1.0, 0.0, 0.0), up=(0.0, 1.0, 0.0), forward=(0.0, 0.0, -1.0),
-            half_height=0.2, width=8192, height=8192,
+            half_height=0.2, width=6144, height=6144,
         )
         scene.receivers(camera, edges=True)
     """,

@@ -1,5 +1,6 @@
 """Runs of the command line: what is there already, what is kept apart, what is shown how, and what is said."""
 
+import io
 import shutil
 import subprocess
 import sys
@@ -8,6 +9,7 @@ from pathlib import Path
 import deltalux as dl
 import numpy as np
 import pytest
+from deltalux import output
 from deltalux.command.cli import main
 from deltalux.io import auto_exposure
 from deltalux.output import claim
@@ -186,3 +188,19 @@ def test_plots_around_pictures_are_read_on_any_page(tmp_path):
         assert around.convert("RGBA").getpixel((0, 0))[3] == 0 and alone.convert("RGBA").getpixel((0, 0)) == (255,) * 4
     assert axes.title.get_color() == INK and lines.get_ylim()[0] == pytest.approx(1e-8)
     assert len(lines.get_yticks()) > 2
+
+
+def test_a_kill_while_files_are_noted_leaves_them_ours(tmp_path, monkeypatch):
+    output.claim(tmp_path, ["a.png", "b.png"])
+    (tmp_path / "a.png").write_bytes(b"ours")
+
+    class Killed(io.FileIO):
+        def truncate(self, size=None):
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr(output, "open", Killed, raising=False)
+        output._note(tmp_path, ["a.png"])
+    output.check_folder(tmp_path, ["a.png"])
+    output.claim(tmp_path, ["a.png"])
+    assert (tmp_path / ".deltalux-files").read_text() == "a.png\n"
