@@ -2,11 +2,16 @@
 
 import contextlib
 import itertools
+import os
 import struct
+import subprocess
+import sys
+import textwrap
 import warnings
 import zlib
 from pathlib import Path
 
+import deltalux as dl
 import numpy as np
 import OpenImageIO as oiio
 import pytest
@@ -622,3 +627,31 @@ def test_agx_shows_sixteen_stops():
     assert to_display(np.array([[[np.nan, np.inf, -1]]]), tone="agx").shape == (1, 1, 3)
     with pytest.raises(ValueError, match="did you mean 'agx'"):
         to_display(np.ones((1, 1, 3)), tone="AgX")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="needs limits of files")
+def test_a_picture_whose_last_bytes_do_not_reach_the_disk_is_an_error(tmp_path):
+    script = """
+        import os, resource, signal, sys
+        import deltalux as dl, numpy as np
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        picture = np.random.default_rng(0).random((64, 64, 3)).astype(np.float32)
+        for ending in ("exr", "png", "hdr"):
+            path = f"{sys.argv[1]}/a.{ending}"
+            dl.write(path, picture)
+            before = open(path, "rb").read()
+            for length in (len(before) // 2, len(before) - 1):
+                resource.setrlimit(resource.RLIMIT_FSIZE, (length, resource.RLIM_INFINITY))
+                try:
+                    dl.write(path, picture)
+                    print(ending, length, "was taken for whole")
+                except OSError as error:
+                    assert "cannot be written" in str(error), error
+                assert open(path, "rb").read() == before
+            resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+        assert len(os.listdir(sys.argv[1])) == 3
+    """
+    environment = {**os.environ, "PYTHONPATH": str(Path(dl.__file__).parents[1])}
+    words = [sys.executable, "-c", textwrap.dedent(script), str(tmp_path)]
+    done = subprocess.run(words, capture_output=True, text=True, env=environment)
+    assert (done.returncode, done.stdout) == (0, ""), done.stdout + done.stderr

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from . import radiance
 from .oiio import library, reason
 
 __all__ = ["FAST", "LEVELS", "write_parts", "write_pixels"]
@@ -21,6 +23,7 @@ PNG 18 and 223 (level 6: 71 and 184); EXR 34 and 3,008 (46 and 3,003), in half f
 
 _UNDATED = "1970:01:01 00:00:00"
 """OpenEXR files are dated where nobody says otherwise, and the same call is to leave the same bytes."""
+_PNG = b"\x89PNG\r\n\x1a\n"
 _SMALL = 1 << 20
 """Numbers."""
 _AVERAGE = 64
@@ -126,6 +129,41 @@ def _write(path: Path, images: Sequence[tuple[Any, NDArray[Any]]], name: Path) -
     failure = writer.geterror()
     if not (writer.close() and written):
         raise OSError(f"{name}: cannot be written ({reason(failure or writer.geterror())})")
+    if not _is_whole(path, len(images)):
+        raise OSError(f"{name}: cannot be written (a part of it did not reach the disk)")
+
+
+def _is_whole(path: Path, parts: int) -> bool:
+    """Whether all of a file is there that was just written: the library does not say when the last bytes of it fail, as
+    they do on a full disk."""
+    if path.suffix == ".png":
+        return _is_whole_png(path.read_bytes())
+    if path.suffix == ".hdr":
+        try:
+            return bool(radiance.decode(path.read_bytes(), 1 << 40))
+        except ValueError:
+            return False
+    file = library().ImageInput.open(str(path))
+    if file is None:
+        return False
+    # What is compressed has sums of its own, and what comes last was written last.
+    read = [
+        file.seek_subimage(k, 0) and file.read_scanline(file.spec().height - 1, 0) is not None for k in range(parts)
+    ]
+    file.close()
+    return all(read)
+
+
+def _is_whole_png(data: bytes) -> bool:
+    """All chunks with their sums, to the last one, which ends the file."""
+    at, kind = len(_PNG), b""
+    while kind != b"IEND" and at + 12 <= len(data):
+        length, kind = int.from_bytes(data[at : at + 4], "big"), data[at + 4 : at + 8]
+        end = at + 8 + length
+        if zlib.crc32(data[at + 4 : end]) != int.from_bytes(data[end : end + 4], "big"):
+            return False
+        at = end + 4
+    return data.startswith(_PNG) and kind == b"IEND" and at == len(data)
 
 
 def _share_threads(oiio: Any, small: bool) -> None:
