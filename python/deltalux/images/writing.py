@@ -129,6 +129,8 @@ def _write(path: Path, images: Sequence[tuple[Any, NDArray[Any]]], name: Path) -
     failure = writer.geterror()
     if not (writer.close() and written):
         raise OSError(f"{name}: cannot be written ({reason(failure or writer.geterror())})")
+    # What is closed still holds the last bytes back, until it goes.
+    del writer
     if not _is_whole(path, len(images)):
         raise OSError(f"{name}: cannot be written (a part of it did not reach the disk)")
 
