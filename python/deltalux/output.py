@@ -16,7 +16,7 @@ try:
 except ImportError:  # Windows
     fcntl = None  # type: ignore[assignment]
 
-__all__ = ["check_folder", "claim", "keep_out", "nearest", "slug", "write_csv"]
+__all__ = ["check_folder", "check_writable", "claim", "keep_out", "nearest", "slug", "write_csv"]
 
 # The names that a run of ours has written, one a line; whatever is not in it belongs to someone else.
 _LIST = ".deltalux-files"
@@ -35,18 +35,29 @@ def check_folder(folder: str | os.PathLike[str], names: Iterable[str] = ()) -> P
     path = Path(folder)
     if kind_of(path).startswith("a transport"):
         raise FileExistsError(f"{path} is {kind_of(path)}; give another folder")
-    there = nearest(path)
-    if not there.is_dir():
-        raise NotADirectoryError(f"expected a folder to write into, but {there} is a file")
-    if not os.access(there, os.W_OK | os.X_OK):
-        raise PermissionError(
-            f"expected a folder that can be written, but there is no permission to write into {there}"
-        )
+    check_writable(path, "a folder to write into")
     ours = _written(path)
     foreign = sorted(name for name in names if name not in ours and (path / name).exists())
     if foreign:
         raise FileExistsError(f"{path} holds {foreign[0]}, which deltalux did not write; give another folder")
     return path
+
+
+def check_writable(path: Path, what: str) -> None:
+    """Refuses a folder, which need not exist yet, that is a file or may not be written; `what` is wanted of it.
+
+    Raises
+    ------
+    OSError
+        As above.
+    """
+    there = nearest(path)
+    if not there.is_dir():
+        raise NotADirectoryError(f"expected {what}, but {there} is a file")
+    if not os.access(there, os.W_OK | os.X_OK):
+        raise PermissionError(
+            f"expected a folder that can be written, but there is no permission to write into {there}"
+        )
 
 
 def nearest(path: Path) -> Path:

@@ -20,7 +20,7 @@ from ..checks import count as whole
 from ..io import auto_exposure
 from ..light.environment import Environment
 from ..mistakes import checked_path, described, instead_of, kind_of
-from ..output import keep_out, nearest
+from ..output import check_writable, keep_out
 from ..plain import MOST_TEXT, read_plain
 from ..precomputation.run import precompute
 from ..progress import Progress, Reporter, steps
@@ -187,7 +187,8 @@ def dataset(
         If the disk refuses; what was finished is kept.
     """
     checked_path(folder, "a scene or a transport, and then a folder")
-    known, seed = _recipes(lights, count, whole("seed", seed)), whole("seed", seed)
+    seed = whole("seed", seed)
+    known = _recipes(lights, count, seed)
     asked = _Asked(
         source,
         seed,
@@ -399,13 +400,7 @@ def _workers(jobs: int | None, executor: Executor | None) -> Iterator[Executor]:
 
 def check_dataset_folder(folder: Path) -> None:
     """What would be refused about a folder, before any work; writes nothing."""
-    there = nearest(folder)
-    if not there.is_dir():
-        raise NotADirectoryError(f"expected a folder for a data set, but {there} is a file")
-    if not os.access(there, os.W_OK | os.X_OK):
-        raise PermissionError(
-            f"expected a folder that can be written, but there is no permission to write into {there}"
-        )
+    check_writable(folder, "a folder for a data set")
     if folder.is_dir() and any(folder.iterdir()) and not _is_dataset(folder):
         raise FileExistsError(f"{folder} holds something else than a data set; give another folder")
 
