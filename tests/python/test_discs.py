@@ -3,8 +3,8 @@
 import deltalux as dl
 import numpy as np
 import pytest
-from deltalux.light.layouts import face_directions
 from deltalux.light.skies import toward
+from deltalux.sphere import face_directions
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

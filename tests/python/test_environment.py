@@ -10,7 +10,7 @@ import pytest
 from deltalux import _core
 from deltalux.io import load_image, save_image, to_display
 from deltalux.light.environment import Environment
-from deltalux.light.layouts import face_directions
+from deltalux.sphere import face_directions
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

@@ -6,8 +6,8 @@ import pytest
 import scipy.special
 from deltalux import Environment, SphericalHarmonics
 from deltalux.columns import parse
-from deltalux.light.layouts import face_directions
 from deltalux.rotation import rotation_matrix
+from deltalux.sphere import face_directions
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

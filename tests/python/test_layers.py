@@ -33,7 +33,7 @@ PYTHON_FLOORS = (
     ("_core",),
     ("mistakes", "plain", "starting"),
     ("checks", "images"),
-    ("rotation", "io", "output", "progress", "tasks"),
+    ("rotation", "sphere", "io", "output", "progress", "tasks"),
     ("light", "update", "columns", "brdf", "camera"),
     ("surface",),
     ("transport", "scene", "pages"),

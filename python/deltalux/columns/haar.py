@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from .._core import column_bands, haar_without_texels
 from ..checks import count
 from ..mistakes import instead_of
+from ..sphere import texel_solid_angles
 from .bands import bands_and_areas
-from .cube import texel_solid_angles
 
 if TYPE_CHECKING:
     from ..light.environment import Environment

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from .._core import column_bands
 from ..checks import read_only
 from ..mistakes import instead_of
+from ..sphere import face_directions, texel_solid_angles
 from .bands import bands_and_areas
-from .cube import texel_directions, texel_solid_angles
 
 if TYPE_CHECKING:
     from ..light.environment import Environment
@@ -173,7 +173,7 @@ class Lamps:
     @cached_property
     def _matrix(self) -> NDArray[np.float64]:
         """(columns, texels): from the radiance of texels to V."""
-        return self.shared_out(texel_directions(self._face)).T * texel_solid_angles(self._face)
+        return self.shared_out(face_directions(self._face).reshape(-1, 3)).T * texel_solid_angles(self._face)
 
     @property
     def _face(self) -> int:
@@ -186,7 +186,7 @@ class Lamps:
     @cached_property
     def _cells(self) -> tuple[NDArray[Any], ...]:
         """Of the texels within reach their directions, solid angles, lamps, and the cosine of the angle to those."""
-        directions = texel_directions(self._face)
+        directions = face_directions(self._face).reshape(-1, 3)
         cosines = directions @ self._lamps().T
         cells, nearest = cosines.argmax(axis=1), cosines.max(axis=1)
         own = nearest >= self._least_cosine

@@ -8,8 +8,8 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
+from ..sphere import face_directions
 from . import skies
-from .layouts import face_directions
 
 __all__ = ["FACE", "Place", "dabbed", "disc", "even_disc"]
 

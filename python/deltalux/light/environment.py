@@ -29,6 +29,7 @@ from ..images.encoded import encoded
 from ..io import auto_exposure, load_image, to_display
 from ..mistakes import checked_path, described, instead_of, kind_of, near, refuse_kind
 from ..rotation import IDENTITY, Matrix, as_matrix, rotation_matrix, unit_directions
+from ..sphere import latlong_directions
 from . import discs, layouts, skies
 from .pixels import floats, repaired
 
@@ -113,7 +114,7 @@ class Environment:
         return f"Environment({self.name!r})"
 
     def _repr_png_(self) -> bytes:
-        picture = self.radiance(layouts.latlong_directions(128, 256))
+        picture = self.radiance(latlong_directions(128, 256))
         return encoded(to_display(picture, auto_exposure(picture)))
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._core import Lamp as CoreLamp
 from ..checks import Vector, amount, as_vector, real_array
+from ..sphere import face_points
 from .environment import Environment
-from .layouts import face_points
 
 __all__ = ["AreaLight", "Lamp", "PointLight", "Spot", "far_lamps"]
 

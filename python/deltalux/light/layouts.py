@@ -11,45 +11,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..sphere import FACES, face_directions
+
 LAYOUTS = ("latlong", "vertical-cross", "horizontal-cross", "angular", "cube")
 
 Image = NDArray[np.float32]
 
-# (right, down, out) of the faces +X, -X, +Y, -Y, +Z, -Z in OpenGL's orientation, which is the package's own.
-_OPENGL = np.array(
-    [
-        [[0, 0, -1], [0, -1, 0], [1, 0, 0]],
-        [[0, 0, 1], [0, -1, 0], [-1, 0, 0]],
-        [[1, 0, 0], [0, 0, 1], [0, 1, 0]],
-        [[1, 0, 0], [0, 0, -1], [0, -1, 0]],
-        [[1, 0, 0], [0, -1, 0], [0, 0, 1]],
-        [[-1, 0, 0], [0, -1, 0], [0, 0, -1]],
-    ]
-)
-
-
-def face_points(n: int) -> NDArray[np.float64]:
-    """Points on the faces of the cube [-1, 1]^3 behind the centres of n x n texels: (6, n, n, 3)."""
-    along = (2 * np.arange(n) + 1 - n) / n
-    right, down, out = (_OPENGL[:, None, None, k].astype(np.float64) for k in range(3))
-    return out + along[None, None, :, None] * right + along[None, :, None, None] * down
-
-
-def face_directions(n: int) -> NDArray[np.float64]:
-    """Unit directions of the centres of n x n texels a face: (6, n, n, 3)."""
-    points = face_points(n)
-    return np.asarray(points / np.linalg.norm(points, axis=-1, keepdims=True))
-
-
-def latlong_directions(height: int, width: int) -> NDArray[np.float64]:
-    """Unit directions of the pixel centres of a lat-long picture, row 0 at +Y, its middle column at +Z: (h, w, 3)."""
-    theta = np.pi * (np.arange(height) + 0.5)[:, None] / height
-    phi = 2 * np.pi * (np.arange(width) + 0.5) / width
-    x, z = np.sin(theta) * np.sin(phi), -np.sin(theta) * np.cos(phi)
-    return np.stack([x, np.broadcast_to(np.cos(theta), x.shape), z], axis=-1)
-
-
-# (right, down) of the same faces as an eye at the origin sees them.
+# (right, down) of the faces of a cubemap as an eye at the origin sees them.
 _EYE = np.array(
     [
         [[0, 0, 1], [0, -1, 0]],
@@ -137,7 +105,7 @@ def _turned(tile: Image, face: int, right: NDArray[np.int_], down: NDArray[np.in
     """A tile spanned by (right, down), in OpenGL's orientation of its face."""
     side = len(tile)
     centres = (2 * np.arange(side) + 1 - side)[:, None]
-    own_right, own_down = _OPENGL[face, 0], _OPENGL[face, 1]
+    own_right, own_down, _ = FACES[face]
     # Each of the own axes is plus or minus one of the tile's: a flip, after a transposition where they are crossed.
     if own_right @ right == 0:
         tile, right, down = tile.swapaxes(0, 1), down, right

@@ -15,11 +15,11 @@ from .._core import __version__
 from ..images.encoded import encoded
 from ..io import auto_exposure, to_display, write
 from ..light.environment import Environment
-from ..light.layouts import latlong_directions
 from ..light.skies import BUILTIN
 from ..mistakes import instead_of
 from ..relight.relighter import Frame
 from ..scene.scene import Scene
+from ..sphere import latlong_directions
 from ..transport.curves import FOLDER as CURVES
 from ..transport.curves import CurveTransport
 from ..transport.studio import FOLDER as STUDIO

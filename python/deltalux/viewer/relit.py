@@ -18,9 +18,9 @@ from ..columns.haar import Haar
 from ..columns.harmonics import SphericalHarmonics
 from ..io import auto_exposure
 from ..light.environment import Environment
-from ..light.layouts import latlong_directions
 from ..relight.errors import relative_errors
 from ..relight.relighter import Frame, Relighter
+from ..sphere import latlong_directions
 from ..transport.transport import Transport
 from ..update.methods import WEIGHTS, Method
 from .lights import Lights

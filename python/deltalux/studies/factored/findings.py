@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from ... import brdf
 from ...brdf import Model
 from ...light.environment import Environment
-from ...light.layouts import face_directions
 from ...precomputation.factoring import MOST, Factored, factored
+from ...sphere import face_directions
 from ...transport.gloss import looked_up
 
 __all__ = ["COUNTS", "LOBES", "PAPERS", "Ball", "Found", "ball", "find"]

@@ -23,7 +23,6 @@ from ...io import to_display
 from ...light import skies
 from ...light.discs import disc
 from ...light.environment import Environment
-from ...light.layouts import face_directions
 from ...pages.plotting import percent
 from ...pages.verdict import Verdict
 from ...precomputation.run import precompute
@@ -31,6 +30,7 @@ from ...progress import Progress
 from ...relight.errors import relative_errors
 from ...scene.builtin.shapes import Model, box, quad
 from ...scene.scene import Scene
+from ...sphere import face_directions
 from ...transport.transport import Transport
 from ..case import Case
 from ..shape import Study

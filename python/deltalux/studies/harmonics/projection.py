@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..._core import haar_coefficients
 from ...columns import Haar, SphericalHarmonics
-from ...light.layouts import face_points
+from ...sphere import face_points
 from ...transport.transport import Transport
 from ..case import Light
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ..._core import haar_inverse
 from ...columns import Haar
-from ...light.layouts import face_directions
 from ...relight.errors import relative_errors
+from ...sphere import face_directions
 from ...transport.transport import Transport
 from ..case import Light
 from ..harmonics.projection import HarmonicView

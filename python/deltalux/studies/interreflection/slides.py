@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from ...columns import Haar
 from ...light.environment import Environment
-from ...light.layouts import face_points
 from ...progress import Progress
 from ...relight.errors import relative_errors
 from ...scene.scene import Scene
+from ...sphere import face_points
 from ...transport.transport import Transport
 from ...update.approximation import Approximation
 from ...update.methods import Nonlinear
