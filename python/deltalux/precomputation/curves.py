@@ -26,7 +26,7 @@ from ..transport.curves import FOLDER, CurveTransport
 from ..transport.entry import TILE_ROWS, TILES_PER_SHARD
 from ..transport.plan import Part, Plan
 from .edited import Edited, edited
-from .preparation import Prepared, Request, surveyed_bundles
+from .preparation import Prepared, Request, shaded, surveyed_bundles
 from .room import check_folder_of, claim
 
 __all__ = ["light_digest", "made_again", "precompute_curves"]
@@ -207,6 +207,10 @@ class _Curves:
         self.prepared = Prepared(plain, Request(_COLUMNS, asked.quality, asked.tolerance), step=self.tell.begin)
         self.settings = self.prepared.settings
         seen = self.prepared.core.receivers(self.prepared.camera, edges=self.settings.edges)
+        shown = scene
+        for name, number in numbers.items():
+            shown = shown.with_material(number, Material(model=materials[name]))
+        seen = shaded(shown, seen)
         self.rows = {name: self._rows(number, seen) for name, number in numbers.items()}
         unseen = [name for name, rows in self.rows.items() if len(rows) == 0]
         if unseen:
