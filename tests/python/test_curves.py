@@ -13,6 +13,7 @@ from deltalux import _core
 from deltalux.brdf import curves
 from deltalux.columns import Daubechies4
 from deltalux.precomputation import preparation
+from deltalux.precomputation.quality import QUALITIES
 from deltalux.scene.builtin.shapes import sphere
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -384,6 +385,49 @@ def test_a_drawn_reflectance_is_what_its_basis_has_of_it(transport):
     assert 0 < drawn.residual < 0.01
     editor.set("pearl", n=1.7)
     assert relative(drawn.image, editor.step().image) < 2e-3
+
+
+def test_a_reflectance_outside_its_basis_is_made_on_request(tmp_path, light):
+    """T' anew with what the basis lacks: exactly what rows with that reflectance alone take; other edits stay."""
+    scene, theta, values = plane_scene(8), [0, 0.7, 0.75, 1.1, 1.15, 1.57], [0.1, 0.1, 0.9, 0.9, 0.2, 0.2]
+    materials = {"pearl": dl.brdf.CookTorrance(sigma=0.3, n=1.5)}
+    made = dl.precompute_curves(
+        scene, tmp_path / "a", env=light, materials=materials, quality="lossless", progress=False
+    )
+    editor = dl.BrdfEditor(made)
+    editor.set("pearl", sigma=0.2)
+    with pytest.raises(dl.NeedsPrecompute, match="another precomputation would take about"):
+        editor.set_curve("pearl", theta, values, axis="difference")
+    editor.set_curve("pearl", theta, values, axis="difference", recompute=True)
+    frame = editor.step()
+    assert frame.residual < 1e-9 and frame.converged
+    opened = dl.CurveTransport.open(tmp_path / "a")
+    assert opened.parts["pearl"].reflectances.functions.shape == (4, 512)
+    rows = made.parts["pearl"].transport.shape[0]
+    core = scene.traced()
+    seen = core.receivers(scene.camera.rays(), edges=QUALITIES["lossless"].edges)
+    own = seen.glossy(scene.material[seen.triangle], [True, False], [[], []], scene.camera.position)
+    drawn = np.interp(np.arccos(curves.COSINES), theta, values)
+    work = _core.CurvePass(
+        core,
+        own,
+        _core.Quotient.of_model(materials["pearl"].core()),
+        eye=scene.camera.position,
+        factors=drawn[None],
+        light=[light.cubemap(64 * k) for k in (1, 2, 4, 8)],
+        edge_side=QUALITIES["lossless"].edge_side,
+    )
+    curve = np.repeat(curves.curve_of(dl.brdf.CookTorrance(sigma=0.2))[:, None], 3, axis=1)
+    wanted = work.respond(Daubechies4().product(np.ones((1, 3)), Daubechies4().forward(curve)))
+    assert len(wanted) == rows
+    assert relative(frame.values["pearl"], wanted) < 1e-4
+    # The basis is there still: the index is edited as before.
+    editor.set("pearl", n=1.8)
+    assert editor.step().residual < 0.003
+    # A file keeps neither scene nor light.
+    again = dl.BrdfEditor(opened)
+    with pytest.raises(ValueError, match="neither scene nor light"):
+        again.set_curve("pearl", theta, np.array(values)[::-1], axis="difference", recompute=True)
 
 
 def test_another_light_is_made_on_request(tmp_path, light):
