@@ -20,13 +20,13 @@ use crate::basis::daubechies4::{CURVE, Daubechies4};
 use crate::brdf::Quotient;
 use crate::brdf::quotient::{Shares, between};
 use crate::error::{Error, Result};
-use crate::sampling::frame;
 use crate::scene::Points;
 use crate::scene::rays::Tracer;
 use crate::scene::surface::dot;
 use crate::transport::entry::Channels;
 use crate::transport::{GROUP, Rows16};
 
+use super::lobes::{Lobes, Local};
 use super::pass::{Made, Pass, Rays, Shape, Take};
 use super::visibility::{Looking, View, Visibility};
 
@@ -122,6 +122,8 @@ pub struct CurvePass {
     visibility: Visibility,
     /// Unit vectors to the eye, one a row.
     eyes: Vec<[f32; 3]>,
+    /// Whose tangents anisotropic curves lie along.
+    lobes: Arc<Lobes>,
     quotient: Quotient,
     /// F_r at nodes evenly spaced over the cosine, one list a factor.
     factors: Vec<Vec<f64>>,
@@ -170,7 +172,7 @@ impl CurvePass {
     pub fn new(
         tracer: Arc<Tracer>,
         points: Arc<Points>,
-        eyes: Vec<[f32; 3]>,
+        (eyes, lobes): (Vec<[f32; 3]>, Arc<Lobes>),
         quotient: Quotient,
         factors: Vec<Vec<f64>>,
         light: [&[[f32; 3]]; 4],
@@ -201,15 +203,15 @@ impl CurvePass {
         };
         let visibility = Visibility::new(tracer, points, CURVE_FACE, edge_side)?;
         let columns = columns_of(factors.len())?;
-        Ok(CurvePass { visibility, eyes, quotient, factors, parts, columns, shape })
+        Ok(CurvePass { visibility, eyes, lobes, quotient, factors, parts, columns, shape })
     }
 
     /// The histograms of one row, `ray` of its bundle.
     fn row(&self, row: usize, ray: usize, view: &View, room: &mut Integrating, looking: &mut Looking) {
         room.bins.iter_mut().for_each(|own| *own = [[0.0; 3]; CURVE]);
-        let normal = self.visibility.points.normal[row].map(f64::from);
-        let [tangent, bitangent] = frame(normal);
-        (room.row, room.axes) = (row, [tangent, bitangent, normal]);
+        room.axes = Local::new(self.visibility.points.normal[row], self.lobes.turn(row)).axes();
+        let normal = room.axes[2];
+        room.row = row;
         room.wo = room.axes.map(|axis| dot(axis, self.eyes[row].map(f64::from)));
         let mut edges = view.edges.iter().filter(|edge| edge.rows >> ray & 1 == 1).peekable();
         for (texel, &open) in view.open.iter().enumerate() {

@@ -5,9 +5,10 @@
 //! ```
 //!
 //! q are m points of what g stands for: g itself, a disc of its area around it (the paper's), or points of its cell. Neither
-//! the light nor what is hidden changes over them. |x - q|² is not taken for less than A_g / m; then a row is scaled: the
-//! same sum with cosines must be the share of even light that x receives from surfaces, which rays count. Of lobes it is
-//! scaled where that is less only.
+//! the light nor what is hidden changes over them. Where a cell is not small beside a lobe, rays of the lobe take the place
+//! of its points (`nearby.rs`). |x - q|² is not taken for less than A_g / m; then a row of cosines is scaled: its sum must be
+//! the share of even light that x receives from surfaces, which rays count. Rows of lobes are not: the rays' noise would be
+//! theirs.
 
 use std::f64::consts::{FRAC_1_PI, PI, TAU};
 
@@ -25,6 +26,7 @@ use crate::scene::surface::dot;
 use crate::scene::{GatherSamples, Point, Surfaces};
 use crate::transport::{GROUP, Rows16};
 
+use super::nearby::Nearby;
 use super::standing::{Lanes, Met, Receiver, Standing};
 
 /// Rays along a side that say how closed the surroundings of a receiver are.
@@ -54,7 +56,7 @@ pub enum SubArea {
     Disc(usize),
     /// So many of its cell.
     Cell(usize),
-    /// Of its cell, the more the wider it is seen beside the lobe: 1, 4, 16 or 64.
+    /// Of its cell, the more the wider it is seen beside the lobe: 1, 4, 16 or 64. Of samples near by, rays.
     ByAngle,
 }
 
@@ -62,7 +64,7 @@ pub enum SubArea {
 #[derive(Clone, Copy)]
 pub struct Gather<'a> {
     /// The scene.
-    pub tracer: &'a Tracer,
+    pub surfaces: Surfaces<'a>,
     /// Its samples.
     pub samples: &'a GatherSamples,
     /// Through what: one after the other, each of its own points.
@@ -91,12 +93,18 @@ impl Kernel {
 }
 
 /// A kernel ready for many pairs, and what a sample gives its rows: of each receiver, in groups of `WIDE` rows.
-struct Through {
+struct Through<'a> {
     shape: Shape,
     rows: usize,
     width: f64,
+    /// Which samples are taken by rays.
+    nearby: Option<Nearby<'a>>,
+    /// The receivers that the sample that is looked at is near.
+    near: u64,
+    /// Those that some sample is.
+    some_near: u64,
     sums: Vec<[[f32; WIDE]; FAN]>,
-    /// What each receiver takes of even light through the same points, over all samples.
+    /// What each receiver takes of even light through the same points, over all samples: of cosines.
     even: [f64; FAN],
 }
 
@@ -106,8 +114,8 @@ enum Shape {
     Family(Lookup),
 }
 
-impl Through {
-    fn new(kernel: &Kernel) -> Through {
+impl<'a> Through<'a> {
+    fn new(kernel: &'a Kernel, sub_area: SubArea) -> Through<'a> {
         let shape = match kernel {
             Kernel::Diffuse => Shape::Diffuse,
             Kernel::Lobe(lobe) => Shape::Lobe(Arc::clone(lobe)),
@@ -115,17 +123,34 @@ impl Through {
         };
         let rows = kernel.count();
         let sums = vec![[[0.0; WIDE]; FAN]; rows.div_ceil(WIDE)];
-        Through { shape, rows, width: kernel.width(), sums, even: [0.0; FAN] }
+        let width = kernel.width();
+        let dense = match kernel {
+            Kernel::Diffuse => None,
+            Kernel::Lobe(lobe) => Some(std::slice::from_ref(lobe)),
+            Kernel::Family(family, segment) => Some(family.dense(*segment)),
+        };
+        let nearby = dense.filter(|_| sub_area == SubArea::ByAngle).map(|lobes| Nearby::new(lobes, width));
+        Through { shape, rows, width, nearby, near: 0, some_near: 0, sums, even: [0.0; FAN] }
+    }
+
+    /// Looks which receivers a sample is near.
+    #[inline(always)]
+    #[allow(clippy::needless_range_loop, reason = "as in `standing.rs`: iterators would be calls")]
+    fn look(&mut self, radius2: f32, squares: &Lanes) {
+        self.near = 0;
+        let Some(nearby) = &self.nearby else { return };
+        for lane in 0..FAN {
+            self.near |= u64::from(nearby.has(radius2, squares[lane])) << lane;
+        }
+        self.some_near |= self.near;
     }
 
     /// Adds what the receivers of `lanes` take through one point.
     #[inline(always)]
     fn add(&mut self, standing: &Standing, met: &Met, mut lanes: u64) {
-        for lane in 0..FAN {
-            self.even[lane] += f64::from(met.share[lane]);
-        }
         if matches!(self.shape, Shape::Diffuse) {
             for lane in 0..FAN {
+                self.even[lane] += f64::from(met.share[lane]);
                 self.sums[0][lane][0] += met.share[lane] * FRAC_1_PI as f32;
             }
             return;
@@ -227,21 +252,23 @@ impl Gather<'_> {
         let ends: Vec<[f32; 3]> = receivers.iter().map(|receiver| receiver.origin).collect();
         out.clear();
         out.resize(self.count() * groups * count, [0.0; GROUP]);
-        let mut through: Vec<Through> = self.kernels.iter().map(Through::new).collect();
+        let mut through: Vec<Through> = self.kernels.iter().map(|kernel| Through::new(kernel, self.sub_area)).collect();
         let mut points = Vec::new();
         for (number, sample) in self.samples.points.iter().enumerate() {
             let (place, normal) = (sample.place.map(|x| x as f32), sample.normal.map(|x| x as f32));
             let facing = standing.facing(place, normal, &mut squares);
+            through.iter_mut().for_each(|own| own.look(self.samples.radius2(number), &squares));
             if facing == 0 {
                 continue;
             }
             let apex = Apex { origin: sample.origin.map(|x| x as f32), normal };
-            let seen = segments.seen(self.tracer, &apex, &ends, facing);
+            let seen = segments.seen(self.surfaces.tracer, &apex, &ends, facing);
             if seen == 0 {
                 continue;
             }
             let (mut row, area) = (0, self.samples.areas[number] as f32);
             for own in &mut through {
+                let seen = seen & !own.near;
                 let counts = self.counts(number, own.width, seen, &squares);
                 let most = largest(&counts);
                 self.points(number, most, &mut points);
@@ -277,8 +304,38 @@ impl Gather<'_> {
                 row += own.rows;
             }
         }
-        let even: Vec<[f64; FAN]> = through.iter().map(|own| own.even.map(|even| even * FRAC_1_PI)).collect();
-        self.scale(receivers, &even, out);
+        let mut row = 0;
+        for (own, kernel) in through.iter().zip(self.kernels) {
+            self.add_nearby(own, kernel, receivers, |receiver, at, number, value| {
+                out[((row + at) * groups + receiver / GROUP) * count + number][receiver % GROUP] += value as f32;
+            });
+            row += own.rows;
+        }
+        self.scale(receivers, &through, out);
+    }
+
+    /// What receivers take of samples near by, value by value: receiver, row of the kernel, sample.
+    fn add_nearby(
+        &self,
+        own: &Through,
+        kernel: &Kernel,
+        receivers: &[Receiver],
+        mut add: impl FnMut(usize, usize, usize, f64),
+    ) {
+        let Some(nearby) = &own.nearby else { return };
+        for (number, receiver) in receivers.iter().enumerate().filter(|(number, _)| own.some_near >> number & 1 == 1) {
+            nearby.each(self.surfaces, self.samples, receiver, |sample, [wi, wo], share| match kernel {
+                Kernel::Diffuse => {}
+                Kernel::Lobe(lobe) => add(number, 0, sample, share * lobe.evaluate(wi, wo)),
+                Kernel::Family(family, segment) => {
+                    let Some((fall, fixed)) = family.edited().fixed(wi, wo) else { return };
+                    family
+                        .basis(*segment, fall)
+                        .enumerate()
+                        .for_each(|(at, b)| add(number, at, sample, share * fixed * b));
+                }
+            });
+        }
     }
 
     /// How many points each receiver that sees a sample takes of it: 0 of the others, else powers of two.
@@ -361,20 +418,24 @@ impl Gather<'_> {
         }
     }
 
-    /// Mends rows that are too low or too high, by what each kernel's points take of even light.
-    fn scale(&self, receivers: &[Receiver], even: &[[f64; FAN]], out: &mut [Rows16]) {
+    /// Mends rows of cosines that are too low or too high, by what their points take of even light.
+    fn scale(&self, receivers: &[Receiver], through: &[Through], out: &mut [Rows16]) {
         let (count, groups) = (self.samples.len(), receivers.len().div_ceil(GROUP));
-        let closed: Vec<f64> = receivers.iter().map(|receiver| self.closed(receiver)).collect();
         let mut planes = out.chunks_exact_mut(count);
-        for (kernel, even) in self.kernels.iter().zip(even) {
-            let mut scales = [[0.0f32; GROUP]; FAN / GROUP];
-            for (own, (closed, even)) in closed.iter().zip(even).enumerate().filter(|(_, (_, even))| **even > 0.0) {
-                let scale = closed / even;
-                let scale = if matches!(kernel, Kernel::Diffuse) { scale } else { scale.min(1.0) };
-                scales[own / GROUP][own % GROUP] = scale as f32;
+        for own in through {
+            let planes = planes.by_ref().take(own.rows * groups);
+            if !matches!(own.shape, Shape::Diffuse) {
+                planes.for_each(drop);
+                continue;
             }
-            for (at, plane) in planes.by_ref().take(kernel.count() * groups).enumerate() {
-                let scales = &scales[at % groups];
+            let mut scales = [[0.0f32; GROUP]; FAN / GROUP];
+            for (number, receiver) in receivers.iter().enumerate() {
+                let even = own.even[number] * FRAC_1_PI;
+                if even > 0.0 {
+                    scales[number / GROUP][number % GROUP] = (self.closed(receiver) / even) as f32;
+                }
+            }
+            for (plane, scales) in planes.zip(&scales) {
                 plane.iter_mut().for_each(|lanes| (0..GROUP).for_each(|lane| lanes[lane] *= scales[lane]));
             }
         }
@@ -384,9 +445,11 @@ impl Gather<'_> {
     fn closed(&self, receiver: &Receiver) -> f64 {
         let seed = receiver.origin.iter().fold(0, |seed, x| mixed(seed ^ u64::from(x.to_bits())));
         let directions = cosine_directions(receiver.normal.map(f64::from), CLOSED, seed);
-        let directions: Vec<[f32; 3]> = directions.map(|direction| direction.map(|x| x as f32)).collect();
-        let (from, mut walk) = (Apex { origin: receiver.origin, normal: receiver.normal }, Walk::default());
-        let mut met = |fan: &Fan| self.tracer.blocked(&from, fan, fan.all(), &mut walk).count_ones();
+        let rise = receiver.rise.map(f64::from);
+        let directions: Vec<[f32; 3]> =
+            directions.filter(|way| dot(rise, *way) > 0.0).map(|way| way.map(|x| x as f32)).collect();
+        let (from, mut walk) = (Apex { origin: receiver.origin, normal: receiver.rise }, Walk::default());
+        let mut met = |fan: &Fan| self.surfaces.tracer.blocked(&from, fan, fan.all(), &mut walk).count_ones();
         let met: u32 = fans(&directions).iter().map(|(fan, _)| met(fan)).sum();
         f64::from(met) / (CLOSED * CLOSED) as f64
     }

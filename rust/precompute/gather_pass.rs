@@ -15,8 +15,8 @@ use rayon::prelude::*;
 
 use crate::basis::{Bands, HaarTree};
 use crate::error::{Error, Result};
-use crate::scene::GatherSamples;
 use crate::scene::rays::{Segments, Tracer};
+use crate::scene::{GatherSamples, Mesh, Surfaces};
 use crate::transport::entry::Channels;
 use crate::transport::{GROUP, Measure, Rows16, Survey, Threshold, Truncation, Width};
 
@@ -26,6 +26,7 @@ use super::standing::Receiver;
 
 /// Rows of receivers over the tree of the samples, a factor for each row of each kernel.
 pub struct GatherPass {
+    mesh: Arc<Mesh>,
     tracer: Arc<Tracer>,
     samples: Arc<GatherSamples>,
     tree: HaarTree,
@@ -45,6 +46,7 @@ pub struct Room {
 impl GatherPass {
     /// Refuses no receivers and no kernels.
     pub fn new(
+        mesh: Arc<Mesh>,
         tracer: Arc<Tracer>,
         samples: Arc<GatherSamples>,
         receivers: Vec<Receiver>,
@@ -63,7 +65,7 @@ impl GatherPass {
             channels: Channels::One,
             factors: kernels.iter().map(Kernel::count).sum(),
         };
-        Ok(GatherPass { tracer, samples, tree, receivers, kernels, shape })
+        Ok(GatherPass { mesh, tracer, samples, tree, receivers, kernels, shape })
     }
 
     /// The threshold that keeps the picture within a relative error: `measures` are a light of the samples (columns x 3) and
@@ -130,8 +132,8 @@ impl Pass for GatherPass {
     fn bundle(&self, rows: Range<usize>, room: &mut Room, take: &mut Take) -> Result<Made> {
         let (count, groups) = (self.samples.len(), rows.len().div_ceil(GROUP));
         let Room { segments, rows: all, plane } = room;
-        let gather =
-            Gather { tracer: &self.tracer, samples: &self.samples, kernels: &self.kernels, sub_area: SubArea::ByAngle };
+        let surfaces = Surfaces { mesh: &self.mesh, tracer: &self.tracer };
+        let gather = Gather { surfaces, samples: &self.samples, kernels: &self.kernels, sub_area: SubArea::ByAngle };
         gather.rows(&self.receivers[rows.clone()], segments, all);
         for group in 0..groups {
             for factor in 0..self.shape.factors {

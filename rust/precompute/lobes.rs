@@ -216,6 +216,11 @@ impl Local {
         Local([of(cos, sin), of(-sin, cos), normal])
     }
 
+    /// The three, in this order.
+    pub fn axes(self) -> [[f64; 3]; 3] {
+        self.0
+    }
+
     /// A direction of space in it.
     fn of(&self, direction: [f64; 3]) -> [f64; 3] {
         self.0.map(|axis| dot(axis, direction))

@@ -10,6 +10,7 @@ pub mod gather;
 pub mod gather_pass;
 pub mod links;
 pub mod lobes;
+mod nearby;
 pub mod node_pass;
 pub mod pass;
 mod projection;

@@ -12,8 +12,10 @@ use crate::scene::rays::FAN;
 pub struct Receiver {
     /// Off its surface.
     pub origin: [f32; 3],
-    /// Unit normal.
+    /// Unit normal that cosines are taken to.
     pub normal: [f32; 3],
+    /// That of the triangle: nothing below its horizon is seen either.
+    pub rise: [f32; 3],
     /// Unit vector to the eye.
     pub eye: [f64; 3],
 }
@@ -43,6 +45,13 @@ pub struct Met {
 #[inline(always)]
 fn larger(a: f32, b: f32) -> f32 {
     if a > b { a } else { b }
+}
+
+/// The square of a distance, as lanes have it.
+#[inline(always)]
+pub fn square(point: [f32; 3], from: [f32; 3]) -> f32 {
+    let (ax, ay, az) = (point[0] - from[0], point[1] - from[1], point[2] - from[2]);
+    ax * ax + ay * ay + az * az
 }
 
 impl Default for Met {

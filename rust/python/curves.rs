@@ -152,10 +152,11 @@ impl CurvePass {
         let [whole, coarse, middle, fine] = &light[..] else {
             return Err(Error::input(format!("expected 4 cubemaps, got {}", light.len())).into());
         };
-        let (eyes, points, quotient) = (rows.eyes(eye), rows.points(), quotient.get().0.clone());
+        let (eyes, points, lobes) = (rows.eyes(eye), rows.points(), rows.lobes());
+        let quotient = quotient.get().0.clone();
         compute(py, || {
             let light = [whole, coarse, middle, fine].map(Vec::as_slice);
-            Ok(CurvePass(Core::new(tracer, points, eyes, quotient, factors, light, edge_side)?))
+            Ok(CurvePass(Core::new(tracer, points, (eyes, lobes), quotient, factors, light, edge_side)?))
         })
     }
 

@@ -70,7 +70,7 @@ pub(super) fn receivers(mesh: &Mesh, rows: &Receivers, numbers: &[u32], eye: [f6
         };
         let away: [f64; 3] = std::array::from_fn(|k| eye[k] - f64::from(origin[k]));
         let length = dot(away, away).sqrt().max(f64::MIN_POSITIVE);
-        Ok(Receiver { origin, normal, eye: away.map(|x| x / length) })
+        Ok(Receiver { origin, normal, rise: points.rise(number), eye: away.map(|x| x / length) })
     };
     numbers.iter().map(receiver).collect()
 }
@@ -211,7 +211,7 @@ impl GatherSamples {
         let (surfaces, sub_area) = (self.scene.get().surfaces(), self::sub_area(sub_area, points)?);
         let receivers = receivers(surfaces.mesh, rows, &numbers, eye)?;
         let kernels = [kernel(&through)?];
-        let gather = Gather { tracer: surfaces.tracer, samples: &self.samples, kernels: &kernels, sub_area };
+        let gather = Gather { surfaces, samples: &self.samples, kernels: &kernels, sub_area };
         let shape = [receivers.len(), gather.count(), self.samples.len()];
         let values = interruptible(py, None, |watch| gather.matrix(&receivers, &|rows| watch.advance(rows)))?;
         PyArray1::from_vec(py, values).reshape(shape)
@@ -235,7 +235,7 @@ impl GatherSamples {
         let (surfaces, sub_area) = (self.scene.get().surfaces(), self::sub_area(sub_area, points)?);
         let receivers = receivers(surfaces.mesh, rows, &numbers, eye)?;
         let (kernels, light) = ([kernel(&through)?], triples("light", &light)?);
-        let gather = Gather { tracer: surfaces.tracer, samples: &self.samples, kernels: &kernels, sub_area };
+        let gather = Gather { surfaces, samples: &self.samples, kernels: &kernels, sub_area };
         table(py, interruptible(py, progress, |watch| gather.light(&receivers, &light, &|rows| watch.advance(rows)))?)
     }
 }

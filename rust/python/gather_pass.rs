@@ -60,13 +60,13 @@ impl GatherPass {
             None => {
                 let one = |at: &crate::scene::Point| {
                     let normal = at.normal.map(|n| n as f32);
-                    Receiver { origin: at.origin.map(|x| x as f32), normal, eye: at.normal }
+                    Receiver { origin: at.origin.map(|x| x as f32), normal, rise: normal, eye: at.normal }
                 };
                 samples.samples.points.iter().map(one).collect()
             }
         };
         let kernels = through.iter().map(kernel).collect::<Result<Vec<_>>>()?;
-        Ok(GatherPass(Core::new(scene.tracer(), Arc::clone(&samples.samples), receivers, kernels)?))
+        Ok(GatherPass(Core::new(scene.mesh(), scene.tracer(), Arc::clone(&samples.samples), receivers, kernels)?))
     }
 
     /// (threshold, the worst error that it gives, entries that 16 rows keep) of a relative error of pictures: `weights` how much

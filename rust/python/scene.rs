@@ -21,7 +21,7 @@ use super::{abandonable, compute, interruptible};
 #[pyclass(frozen, module = "deltalux._core")]
 pub(crate) struct Scene {
     /// Triangles in normalised coordinates.
-    mesh: Mesh,
+    mesh: Arc<Mesh>,
     /// The trees over them, which passes share.
     tracer: Arc<Tracer>,
     /// Of each of the user's triangles.
@@ -37,6 +37,11 @@ impl Scene {
     /// Its surfaces.
     pub(super) fn surfaces(&self) -> Surfaces<'_> {
         Surfaces { mesh: &self.mesh, tracer: &self.tracer }
+    }
+
+    /// Those triangles, for passes.
+    pub(super) fn mesh(&self) -> Arc<Mesh> {
+        Arc::clone(&self.mesh)
     }
 
     /// The trees over them.
@@ -104,7 +109,7 @@ impl Scene {
                 Some((opacities, uv, own)) => Holes::new(&mesh, &triangles, &material, opacities, &uv, &own)?,
             };
             let tracer = Arc::new(Tracer::with_holes(&mesh, holes));
-            Ok(Scene { mesh, tracer, material })
+            Ok(Scene { mesh: Arc::new(mesh), tracer, material })
         })
     }
 

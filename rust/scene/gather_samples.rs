@@ -11,6 +11,8 @@
 //! counted anyway partition the surfaces, and error falls to a fourth where the lobe is narrow.
 //! Samples lie in the order of a balanced tree over place and normal, that of `HaarTree`.
 
+use std::f64::consts::PI;
+
 use rayon::prelude::*;
 
 use super::camera::Camera;
@@ -52,6 +54,8 @@ pub struct GatherSamples {
     pub cell_points: Vec<[f64; 3]>,
     /// The triangles that they lie on.
     pub cell_triangles: Vec<u32>,
+    /// The samples, by place and normal.
+    near: Near,
 }
 
 /// A point that was spread over the surfaces.
@@ -106,6 +110,19 @@ impl GatherSamples {
         self.points.is_empty()
     }
 
+    /// The square of the radius of the disc that is as large as the cell of a sample.
+    #[inline(always)]
+    pub fn radius2(&self, number: usize) -> f32 {
+        (self.areas[number] / PI) as f32
+    }
+
+    /// The sample in whose cell a point of a surface lies; None on what no sample stands for.
+    pub fn whose(&self, place: [f64; 3], normal: [f64; 3], room: &mut Vec<(f32, u32)>) -> Option<usize> {
+        self.near.nearest(place, normal, 1, room);
+        let number = room.first()?.1 as usize;
+        is_own(&self.points[number], place, normal).then_some(number)
+    }
+
     /// The points of a cell.
     pub fn cell(&self, number: usize) -> &[[f64; 3]] {
         &self.cell_points[self.cell_starts[number] as usize..self.cell_starts[number + 1] as usize]
@@ -130,8 +147,10 @@ impl GatherSamples {
         let mut cell_starts = vec![0u32; order.len() + 1];
         spread.iter().for_each(|own| cell_starts[place[own.cell as usize] as usize + 1] += 1);
         (0..order.len()).for_each(|k| cell_starts[k + 1] += cell_starts[k]);
+        let points: Vec<Point> = order.iter().map(|&(_, number)| found[number as usize].0).collect();
         GatherSamples {
-            points: order.iter().map(|&(_, number)| found[number as usize].0).collect(),
+            near: Near::new(points.iter().map(|at| (at.place, at.normal)), scale),
+            points,
             glossy: order.iter().map(|&(_, number)| found[number as usize].1).collect(),
             areas: order.iter().map(|&(_, number)| areas[number as usize]).collect(),
             cell_starts,

@@ -12,13 +12,16 @@ import pytest
 from deltalux import _core
 from deltalux.brdf import curves
 from deltalux.columns import Daubechies4
+from deltalux.precomputation import preparation
+from deltalux.precomputation.quality import QUALITIES
+from deltalux.scene.builtin.shapes import sphere
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 PEARL = dl.brdf.CookTorrance(sigma=0.1, n=1.5)
 
 
-def plane_scene(size: int = 12) -> dl.Scene:
+def plane_scene(size: int = 12, tangent: tuple[float, float, float] | None = None) -> dl.Scene:
     """A square in y = 0, seen from obliquely above, beside another material that the camera does not see."""
     vertices = [(-1, 0, -1), (-1, 0, 1), (1, 0, 1), (1, 0, -1), (9, -9, 0), (9, -9, 1), (10, -9, 0)]
     camera = dl.Camera(position=(0, 2, 1), target=(0, 0, 0), vertical_fov=30, width=size, height=size)
@@ -28,6 +31,7 @@ def plane_scene(size: int = 12) -> dl.Scene:
         camera=camera,
         materials={"pearl": dl.Material((0.3, 0.2, 0.1)), "hidden": dl.Material()},
         material=[0, 0, 1],
+        tangents=None if tangent is None else [tangent] * len(vertices),
     )
 
 
@@ -65,15 +69,21 @@ def texel(face: int, row: int, column: int, parts: int) -> tuple[np.ndarray, np.
     return points / length[:, None], (2 / fine) ** 2 / length**3
 
 
-@pytest.mark.parametrize("model", [PEARL, dl.brdf.GGX(0.1), dl.brdf.Phong(30)], ids=repr)
+@pytest.mark.parametrize(
+    "model",
+    [PEARL, dl.brdf.GGX(0.1), dl.brdf.Phong(30), *(dl.brdf.AshikhminShirley(*e) for e in ((20, 2000), (2000, 20)))],
+    ids=repr,
+)
 def test_rows_are_brute_force_under_a_sun_of_one_texel(model):
     """What is kept of it and the largest response are compared: REFLECTANCE 5.2 asks 1 % at a roughness of 0.02."""
     narrow = dl.brdf.CookTorrance(0.02, 1.5) if isinstance(model, dl.brdf.CookTorrance) else model
     # Reflected at the middle of the square it meets the camera.
     place = (2, 16, 32)
-    scene, env = plane_scene(40), sun(*place)
+    # Anisotropic lobes lie along the tangent: x of `directions`.
+    scene, env = plane_scene(40, (1, 0, 0)), sun(*place)
     core, camera = scene.traced(), scene.camera
     seen = core.receivers(camera.rays(), edges=False)
+    seen = preparation.shaded(scene.with_material("pearl", dl.Material(model=model)), seen)
     rows = seen.glossy(scene.material[seen.triangle], [True, False], [[], []], camera.position)
     functions = curves.reflectance_of_model(model)[None]
     work = _core.CurvePass(
@@ -148,6 +158,38 @@ def test_the_whole_picture_is_that_of_the_package(tmp_path, light):
     other = dl.precompute(glossy, tmp_path / "b", columns="haar:64", quality="lossless", progress=False)
     expected = other.image(other.multiply(other.coefficients(light)), light)
     assert np.abs(image - expected).max() <= 0.02 * expected.max()
+
+
+def ball_scene(normals: bool) -> dl.Scene:
+    """A ball of few triangles, with normals and tangents of its own or without."""
+    vertices, triangles = sphere((0.0, 0.0, 0.0), 1.0, 14)
+    along = np.cross((0.0, 1.0, 0.2), vertices)
+    return dl.Scene.from_arrays(
+        vertices,
+        triangles,
+        camera=dl.Camera(position=(0, 0.5, 5), target=(0, 0, 0), vertical_fov=26, width=28, height=28),
+        materials={"pearl": dl.Material((0.1, 0.1, 0.1))},
+        material=np.zeros(len(triangles), int),
+        normals=vertices if normals else None,
+        tangents=along if normals else None,
+    )
+
+
+@pytest.mark.parametrize(
+    "model", [dl.brdf.CookTorrance(0.25, 1.5), dl.brdf.AshikhminShirley(15, 150), dl.brdf.Ward(0.45, 0.15)], ids=repr
+)
+def test_curves_follow_the_normals_and_tangents_of_a_mesh(tmp_path, light, model):
+    """A curved mesh is as round, and its lobes lie as they do, in a transport of light."""
+    images = {}
+    for normals in (True, False):
+        scene, path = ball_scene(normals), tmp_path / str(normals)
+        made = dl.precompute_curves(scene, path, env=light, materials={"pearl": model}, progress=False)
+        images[normals] = dl.BrdfEditor(made).step().image
+    scene = ball_scene(True).with_material("pearl", dl.Material((0.1, 0.1, 0.1), 1.0, model))
+    other = dl.precompute(scene, tmp_path / "light", columns="haar:64", quality="lossless", progress=False)
+    expected = other.image(other.multiply(other.coefficients(light)), light)
+    assert np.abs(images[True] - expected).max() <= 0.03 * expected.max()
+    assert np.abs(images[False] - expected).max() > 0.1 * expected.max()
 
 
 def relative(found, expected):
@@ -343,6 +385,49 @@ def test_a_drawn_reflectance_is_what_its_basis_has_of_it(transport):
     assert 0 < drawn.residual < 0.01
     editor.set("pearl", n=1.7)
     assert relative(drawn.image, editor.step().image) < 2e-3
+
+
+def test_a_reflectance_outside_its_basis_is_made_on_request(tmp_path, light):
+    """T' anew with what the basis lacks: exactly what rows with that reflectance alone take; other edits stay."""
+    scene, theta, values = plane_scene(8), [0, 0.7, 0.75, 1.1, 1.15, 1.57], [0.1, 0.1, 0.9, 0.9, 0.2, 0.2]
+    materials = {"pearl": dl.brdf.CookTorrance(sigma=0.3, n=1.5)}
+    made = dl.precompute_curves(
+        scene, tmp_path / "a", env=light, materials=materials, quality="lossless", progress=False
+    )
+    editor = dl.BrdfEditor(made)
+    editor.set("pearl", sigma=0.2)
+    with pytest.raises(dl.NeedsPrecompute, match="another precomputation would take about"):
+        editor.set_curve("pearl", theta, values, axis="difference")
+    editor.set_curve("pearl", theta, values, axis="difference", recompute=True)
+    frame = editor.step()
+    assert frame.residual < 1e-9 and frame.converged
+    opened = dl.CurveTransport.open(tmp_path / "a")
+    assert opened.parts["pearl"].reflectances.functions.shape == (4, 512)
+    rows = made.parts["pearl"].transport.shape[0]
+    core = scene.traced()
+    seen = core.receivers(scene.camera.rays(), edges=QUALITIES["lossless"].edges)
+    own = seen.glossy(scene.material[seen.triangle], [True, False], [[], []], scene.camera.position)
+    drawn = np.interp(np.arccos(curves.COSINES), theta, values)
+    work = _core.CurvePass(
+        core,
+        own,
+        _core.Quotient.of_model(materials["pearl"].core()),
+        eye=scene.camera.position,
+        factors=drawn[None],
+        light=[light.cubemap(64 * k) for k in (1, 2, 4, 8)],
+        edge_side=QUALITIES["lossless"].edge_side,
+    )
+    curve = np.repeat(curves.curve_of(dl.brdf.CookTorrance(sigma=0.2))[:, None], 3, axis=1)
+    wanted = work.respond(Daubechies4().product(np.ones((1, 3)), Daubechies4().forward(curve)))
+    assert len(wanted) == rows
+    assert relative(frame.values["pearl"], wanted) < 1e-4
+    # The basis is there still: the index is edited as before.
+    editor.set("pearl", n=1.8)
+    assert editor.step().residual < 0.003
+    # A file keeps neither scene nor light.
+    again = dl.BrdfEditor(opened)
+    with pytest.raises(ValueError, match="neither scene nor light"):
+        again.set_curve("pearl", theta, np.array(values)[::-1], axis="difference", recompute=True)
 
 
 def test_another_light_is_made_on_request(tmp_path, light):

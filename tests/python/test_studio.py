@@ -11,6 +11,7 @@ import deltalux as dl
 import numpy as np
 import pytest
 from deltalux._core import GatherSamples, LitPoints
+from deltalux.precomputation import room
 from PIL import Image
 
 GATHER, NODES, SIZE, GAMMA = 256, 200, 20, 40.0
@@ -419,6 +420,41 @@ def test_bad_requests(coarse, tmp_path):
         with pytest.raises(ValueError, match="gamma of floor from 3 to 300"):
             studio.set("floor", gamma=gamma)
     assert studio.looks["floor"].gamma == 3
+
+
+def test_what_does_not_fit_is_refused_before_any_ray(tmp_path, monkeypatch):
+    """Rows over samples are dense while they are made: the number of samples decides."""
+    monkeypatch.setattr(room, "_available_memory", lambda: 400e6)
+    with pytest.raises(ValueError, match="fewer pixels, gather samples or threads"):
+        dl.precompute_studio(box(), tmp_path / "a", families=families(), gather=262144, progress=False)
+    assert not (tmp_path / "a").exists()
+
+
+def test_a_family_of_what_no_pixel_shows_is_refused(tmp_path):
+    scene = box()
+    away = scene.with_camera(replace(scene.camera, target=(0.0, 4.0, 0.0), vertical_fov=20.0))
+    with pytest.raises(ValueError, match="no pixel shows floor"):
+        dl.precompute_studio(away, tmp_path / "a", families=families(), progress=False)
+    assert not (tmp_path / "a").exists()
+
+
+def test_lamps_where_they_should_not_be(coarse, dense):
+    """Without power: black to the bit. Inside a box, on a surface, at a gather sample: finite."""
+    studio = dl.Studio(coarse)
+    studio.set_lights([dl.PointLight((0.0, 1.0, 0.0), 0.0), dl.Spot((0, 1, 0), (0, 0, 0), 0.0)])
+    frame = studio.step()
+    assert not frame.values.any() and not frame.image.any()
+    inside, sample = (-0.33, 0.5, -0.30), tuple(map(float, dense["samples"].position[7]))
+    for place in (inside, (0.2, 0.0, 0.1), sample):
+        studio.set_lights([dl.PointLight(place, 1.0)])
+        frame = studio.step()
+        assert np.isfinite(frame.values).all() and np.isfinite(frame.bound)
+        # Truncated wavelets go below 0 a little.
+        assert (frame.values >= -frame.bound).all()
+    # Closed in by its box, a lamp shines on nothing that is seen. (Cells of samples beside the box reach under it, and
+    # these are few: what is gathered of them is not 0.)
+    studio.set_lights([dl.PointLight(inside, 1.0)])
+    assert not studio.direct().any()
 
 
 def test_every_draw_of_parameters_is_finite(coarse):

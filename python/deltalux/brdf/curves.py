@@ -72,6 +72,15 @@ class Reflectances:
 
     functions: NDArray[np.float64]
 
+    def beside(self, drawn: NDArray[np.float64]) -> Reflectances:
+        """The same functions, and what they lack of each curve, (m, 512) at `COSINES`."""
+        functions = self.functions
+        for curve in drawn:
+            left = curve - np.linalg.lstsq(functions.T, curve, rcond=None)[0] @ functions
+            if np.abs(left).max() > 1e-9 * np.abs(curve).max():
+                functions = np.concatenate([functions, left[None]])
+        return Reflectances(read_only(functions))
+
     def weights(self, reflectance: ArrayLike) -> tuple[NDArray[np.float64], float]:
         """The sum that is nearest to a reflectance, and how far it is off.
 

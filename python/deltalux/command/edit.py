@@ -21,7 +21,7 @@ from ..update.methods import Incremental
 from .arguments import add_command, add_light, environment_of, read_size, read_terms, say
 
 _DEMO = "demo"
-_FOLDER, _LIGHT, _SIZE, _TERMS = "deltalux-edit", "hall", (144, 108), 30
+_FOLDER, _LIGHT, _SIZE, _TERMS = "deltalux-edit", "hall", (216, 162), 30
 
 
 def add(commands: Any) -> None:
@@ -42,7 +42,7 @@ def add(commands: Any) -> None:
         "--terms", type=read_terms, help=f"columns a frame and material; default: {_TERMS}, in a studio all of them"
     )
     add_light(command, default=f"{_LIGHT}, of the {_DEMO}")
-    command.add_argument("--size", type=read_size, metavar="WxH", help=f"of the {_DEMO}; default: 144x108")
+    command.add_argument("--size", type=read_size, metavar="WxH", help=f"of the {_DEMO}; default: 216x162")
     command.add_argument("-o", "--output", default=_FOLDER, metavar="FOLDER", help="default: %(default)s")
 
 

@@ -18,7 +18,7 @@ from ..precomputation.curves import light_digest, made_again
 from ..relight.relighter import Frame, Relighter
 from ..transport.curves import CurveTransport
 from ..update.methods import Full, Incremental, Method
-from .lobe import Lobe, NeedsPrecompute, sampled_curve
+from .lobe import Lobe, NeedsPrecompute, sampled_curve, sampled_reflectance
 
 if TYPE_CHECKING:
     from ..scene.scene import Scene
@@ -155,7 +155,9 @@ class BrdfEditor:
         """
         self._apply(name, lambda lobe: lobe.with_parameters(parameters))
 
-    def set_curve(self, name: str, theta: ArrayLike, values: ArrayLike, *, axis: str = "half") -> None:
+    def set_curve(
+        self, name: str, theta: ArrayLike, values: ArrayLike, *, axis: str = "half", recompute: bool = False
+    ) -> None:
         """A curve drawn by hand, from the next frame on.
 
         Parameters
@@ -169,20 +171,38 @@ class BrdfEditor:
         axis
             "half": c over the half angle. "difference": the reflectance of facets, which is applied as what its basis
             has of it, and refused where that is more than 1 % off.
+        recompute
+            Whether a reflectance that is refused makes T' anew, in its place, with what its basis lacks of it: edits
+            stay, and what was edited is edited as before. This process must have made it: files keep no scene.
 
         Raises
         ------
         ValueError
             If there is no such material, or the points are no curve; nothing is changed then.
         NeedsPrecompute
-            (a ValueError) If T' does not hold it.
+            (a ValueError) If T' does not hold it, and `recompute` is not said.
         """
         if axis == "difference":
-            self._apply(name, lambda lobe: lobe.reflectance_drawn(theta, values))
+            try:
+                self._apply(name, lambda lobe: lobe.reflectance_drawn(theta, values))
+            except NeedsPrecompute:
+                if not recompute:
+                    raise
+                self._make_room(name, sampled_reflectance(theta, values))
+                self._apply(name, lambda lobe: lobe.reflectance_drawn(theta, values))
         elif axis == "half":
             self._apply(name, lambda lobe: replace(lobe, curve=sampled_curve(theta, values)))
         else:
             raise ValueError(f'expected axis "half" or "difference", got {axis!r}')
+
+    def _make_room(self, name: str, reflectance: NDArray[np.float64]) -> None:
+        """T' anew, with functions that hold a reflectance too."""
+        if self.transport._again is None:
+            raise ValueError("expected a transport that this process made: a file keeps neither scene nor light")
+        lobes = self._lobes
+        self._take(self.transport._again(drawn={name: np.unique(reflectance, axis=0)}))
+        self._lobes = {own: lobe.over(self.transport.parts[own]) for own, lobe in lobes.items()}
+        self._targets = {own: lobe.V() for own, lobe in self._lobes.items()}
 
     def _apply(self, name: str, change: Any) -> None:
         try:

@@ -16,8 +16,8 @@ from .session import Edit
 __all__ = ["FRESNEL", "MATERIALS", "edits", "jewels"]
 
 _SHARP, _WIDE = 0.04, 0.25
-# A share of the highlight's peak, as the haze of a real pearl.
-_HAZE = 0.02
+# A share of the highlight's peak: twice the light of the highlight itself, over forty times its solid angle.
+_HAZE = 0.05
 
 MATERIALS: dict[str, Model] = {
     "pearl": brdf.CookTorrance(sigma=0.15, n=1.5),
@@ -31,7 +31,7 @@ FRESNEL = {"posts": "metal"}
 
 def jewels(size: tuple[int, int]) -> Scene:
     """The scene, seen in so many pixels."""
-    pearls = [sphere((x, 1.42, 0.1), 0.4, 96) for x in (-0.55, 0.55)]
+    pearls = [sphere((x, 1.42, 0.1), 0.4, 192) for x in (-0.55, 0.55)]
     bend = np.linspace(0.0, 0.75 * np.pi, 24)
     hook = np.stack([0.0 * bend, 0.25 * np.sin(bend), -0.2 + 0.2 * np.cos(bend)], axis=1)
     posts = [tube(hook + (x, 1.8, 0.1), 0.045, 24) for x in (-0.55, 0.55)]
@@ -47,7 +47,7 @@ def jewels(size: tuple[int, int]) -> Scene:
         materials={
             "pearl": Material((0.55, 0.5, 0.44)),
             "posts": Material((0.02, 0.02, 0.02)),
-            "cloth": Material((0.12, 0.01, 0.015), (0.8, 0.08, 0.1), brdf.GGX(alpha=0.55)),
+            "cloth": Material((0.012, 0.01, 0.012), (0.8, 0.08, 0.1), brdf.GGX(alpha=0.55)),
         },
         material=np.repeat([0, 1, 2], [len(corners) for _, corners in shapes]),
         name="jewels",

@@ -13,7 +13,7 @@ from ..brdf.curves import ANGLES, COSINES, curve_of, reflectance_of
 from ..checks import real_array
 from ..transport.curves import CurvePart
 
-__all__ = ["Lobe", "NeedsPrecompute", "checked_curve", "sampled_curve"]
+__all__ = ["Lobe", "NeedsPrecompute", "checked_curve", "sampled_curve", "sampled_reflectance"]
 
 _REFLECTANCE = ("n", "k", "f0")
 _MOST_POINTS = 1_000_000
@@ -123,13 +123,14 @@ class Lobe:
             )
         return replace(self, model=model, curve=np.repeat(curve_of(model)[:, None], 3, axis=1))
 
+    def over(self, part: CurvePart) -> Lobe:
+        """The same over another T', whose functions hold those of this one."""
+        shown = self.weights.T @ self.part.reflectances.functions
+        return replace(self, part=part, weights=np.stack([part.reflectances.weights(own)[0] for own in shown], axis=1))
+
     def reflectance_drawn(self, theta: ArrayLike, values: ArrayLike) -> Lobe:
         """A reflectance by hand, over the difference angle; it is applied as what its basis has of it."""
-        angles, drawn = checked_curve(theta, values)
-        if self.part.kind in ("fixed", "none"):
-            raise NeedsPrecompute(f"the reflectance of {self.part.name!r} was made {self.part.kind}: it is not edited")
-        wanted = [np.interp(np.arccos(COSINES), angles, drawn[:, k]) for k in range(3)]
-        found = [self.part.reflectances.weights(own) for own in wanted]
+        found = [self.part.reflectances.weights(own) for own in sampled_reflectance(theta, values)]
         residual = max(off for _, off in found)
         if residual > _TOLERATED:
             raise NeedsPrecompute(
@@ -141,7 +142,7 @@ class Lobe:
 
 def _weights(part: CurvePart, indices: tuple[tuple[float | None, ...], ...]) -> tuple[NDArray[np.float64], float]:
     """Each colour's reflectance in the part's functions, and the largest that one is off."""
-    if part.kind in ("fixed", "none"):
+    if len(part.reflectances.functions) == 1:
         return np.ones((1, 3)), 0.0
     found = [part.reflectances.weights(reflectance_of(*own)) for own in indices]
     return np.stack([weights for weights, _ in found], axis=1), max(residual for _, residual in found)
@@ -195,6 +196,12 @@ def checked_curve(theta: ArrayLike, values: ArrayLike) -> tuple[NDArray[np.float
     if not (np.isfinite(drawn) & (drawn >= 0)).all():
         raise ValueError("expected finite values of 0 or more")
     return angles, np.broadcast_to(drawn[:, None], (len(angles), 3)) if drawn.ndim == 1 else drawn
+
+
+def sampled_reflectance(theta: ArrayLike, values: ArrayLike) -> NDArray[np.float64]:
+    """A drawn reflectance at `COSINES`, (3, 512): linear between its points, level beyond them."""
+    angles, drawn = checked_curve(theta, values)
+    return np.stack([np.interp(np.arccos(COSINES), angles, drawn[:, k]) for k in range(3)])
 
 
 def sampled_curve(theta: ArrayLike, values: ArrayLike) -> NDArray[np.float64]:

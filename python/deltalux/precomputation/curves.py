@@ -7,7 +7,7 @@ import json
 import os
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 
@@ -26,7 +26,7 @@ from ..transport.curves import FOLDER, CurveTransport
 from ..transport.entry import TILE_ROWS, TILES_PER_SHARD
 from ..transport.plan import Part, Plan
 from .edited import Edited, edited
-from .preparation import Prepared, Request, surveyed_bundles
+from .preparation import Prepared, Request, shaded, surveyed_bundles
 from .room import check_folder_of, claim
 
 __all__ = ["light_digest", "made_again", "precompute_curves"]
@@ -160,6 +160,8 @@ class _Asked:
     quality: str
     tolerance: float | None
     fresnel: str | Mapping[str, str]
+    drawn: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    """Reflectances that were drawn of some materials, (m, 512) each."""
 
     def kind(self, name: str, model: Model | Measured) -> str:
         """The word of `KINDS` for a material."""
@@ -207,13 +209,20 @@ class _Curves:
         self.prepared = Prepared(plain, Request(_COLUMNS, asked.quality, asked.tolerance), step=self.tell.begin)
         self.settings = self.prepared.settings
         seen = self.prepared.core.receivers(self.prepared.camera, edges=self.settings.edges)
+        shown = scene
+        for name, number in numbers.items():
+            shown = shown.with_material(number, Material(model=materials[name]))
+        seen = shaded(shown, seen)
         self.rows = {name: self._rows(number, seen) for name, number in numbers.items()}
         unseen = [name for name, rows in self.rows.items() if len(rows) == 0]
         if unseen:
             raise ValueError(f"expected materials that the camera sees, but no pixel shows {', '.join(unseen)}")
         self.tell.begin("reflectances")
         given = {name: scene.materials[number] for name, number in numbers.items()}
-        self.edited = [edited(name, model, _specular(given[name]), kinds[name]) for name, model in materials.items()]
+        self.edited = [
+            edited(name, model, _specular(given[name]), kinds[name], asked.drawn.get(name))
+            for name, model in materials.items()
+        ]
 
     def _rows(self, number: int, seen: Receivers) -> Receivers:
         """The receivers of one material."""
@@ -240,9 +249,12 @@ class _Curves:
         tell(total, total)
         return replace(CurveTransport.open(path), _again=partial(self._again, path))
 
-    def _again(self, path: Path, env: Environment) -> CurveTransport:
-        """The same under another light."""
-        return _Curves(self.scene, env, self.materials, self.asked, self.progress).run(path)
+    def _again(
+        self, path: Path, env: Environment | None = None, drawn: Mapping[str, NDArray[np.float64]] | None = None
+    ) -> CurveTransport:
+        """The same under another light, or with reflectances that were drawn since."""
+        asked = replace(self.asked, drawn={**self.asked.drawn, **(drawn or {})})
+        return _Curves(self.scene, env or self.env, self.materials, asked, self.progress).run(path)
 
     def _job(self) -> str:
         """What a run is known by."""

@@ -13,6 +13,7 @@ from .._core import CURVE, Quotient
 from ..brdf import GGX, Beckmann, Measured, Model
 from ..brdf.curves import (
     COSINES,
+    KINDS,
     Reflectances,
     curve_of,
     physical,
@@ -45,6 +46,8 @@ class Edited:
     reflectances: Reflectances
     unexplained: float | None
     digest: str
+    drawn: NDArray[np.float64]
+    """Reflectances that were drawn, (m, 512) at `COSINES`."""
 
     @property
     def columns(self) -> Daubechies4:
@@ -54,6 +57,8 @@ class Edited:
     def weights(self) -> NDArray[np.float64]:
         """The roots of the prior of V, (columns,): that of curves times that of reflectances."""
         of_factor = np.sqrt((self._expected() ** 2).mean(axis=0))
+        # What was drawn is to be seen.
+        of_factor[KINDS[self.kind] :] = of_factor.max()
         # What no expected curve has may still be drawn.
         return np.maximum(self.columns.product(of_factor[:, None], _prior()[:, None])[:, 0], 1e-12)
 
@@ -66,9 +71,11 @@ class Edited:
     def measured(self) -> list[NDArray[np.float64]]:
         """V of highlights, (columns, 3) each, that truncation is measured under."""
         # Under the reflectance as it is: that of a dielectric is what is left of larger functions.
-        own = np.ones(1) if self.model is None else self.reflectances.weights(reflectance_of_model(self.model))[0]
+        given = np.ones_like(COSINES) if self.model is None else reflectance_of_model(self.model)
+        weights = [self.reflectances.weights(own)[0] for own in (given, *self.drawn)]
         curves = Daubechies4().forward(_highlights(_MEASURED))
-        return [np.repeat(self.columns.product(own[:, None], curve[:, None]), 3, axis=1) for curve in curves.T]
+        made = [self.columns.product(own[:, None], curve[:, None]) for own in weights for curve in curves.T]
+        return [np.repeat(own, 3, axis=1) for own in made]
 
     def albedo(self) -> NDArray[np.float64]:
         """What each node of a curve reflects of an even sky to the normal: (factors, 256, 3)."""
@@ -87,15 +94,22 @@ class Edited:
         return found
 
 
-def edited(name: str, model: Model | Measured, specular: Vector, kind: str) -> Edited:
-    """A material by its name, with what its lobe is multiplied by, and what of its reflectance is edited."""
+def edited(
+    name: str, model: Model | Measured, specular: Vector, kind: str, drawn: NDArray[np.float64] | None = None
+) -> Edited:
+    """A material by its name, with what its lobe is multiplied by, what of its reflectance is edited, and reflectances
+    that were drawn."""
+    drawn = np.zeros((0, len(COSINES))) if drawn is None else drawn
+    more = drawn.tobytes().hex() if len(drawn) else ""
     if isinstance(model, Measured):
         curve, unexplained = separated(model)
         quotient = Quotient.of_measured(model.core(), curve)
-        return Edited(name, quotient, None, curve, _WHITE, kind, reflectances("none"), unexplained, model.digest)
+        own = reflectances("none").beside(drawn)
+        return Edited(name, quotient, None, curve, _WHITE, kind, own, unexplained, model.digest + more, drawn)
     curve = np.repeat(curve_of(model)[:, None], 3, axis=1)
     own = Reflectances(reflectance_of_model(model)[None]) if kind == "fixed" else reflectances(kind)
-    return Edited(name, Quotient.of_model(model.core()), model, curve, specular, kind, own, None, repr(model))
+    quotient, digest = Quotient.of_model(model.core()), repr(model) + more
+    return Edited(name, quotient, model, curve, specular, kind, own.beside(drawn), None, digest, drawn)
 
 
 def _highlights(roughnesses: Iterable[float]) -> NDArray[np.float64]:

@@ -27,7 +27,7 @@ from .quality import QUALITIES, Quality
 from .refining import refined
 from .room import check_request
 
-__all__ = ["BUNDLE", "COLUMNS", "QUANTUM", "Prepared", "Request", "Survey", "surveyed_bundles"]
+__all__ = ["BUNDLE", "COLUMNS", "QUANTUM", "Prepared", "Request", "Survey", "shaded", "surveyed_bundles"]
 
 COLUMNS = "haar:64+texels"
 """The basis where none is asked for."""
@@ -170,7 +170,8 @@ class Prepared:
     def _found(self) -> Receivers:
         scene = self.scene
         if self.request.receivers == "pixels":
-            rows = self._shaded(self.core.receivers(self.camera, edges=self.settings.edges))
+            seen = self.core.receivers(self.camera, edges=self.settings.edges)
+            rows = shaded(scene, seen, smooth=self.request.normals == "smooth", tangents=self.glossy)
             if not self.glossy:
                 return rows
             lobes = [lobes_of(model) for model in scene.models]
@@ -193,15 +194,6 @@ class Prepared:
         ]
         self.turns = scene.turns(rows.triangle, rows.barycentric, rows.normal)
         return rows.factored(scene.material[rows.triangle], tables, self.turns)
-
-    def _shaded(self, rows: Receivers) -> Receivers:
-        """The rows of pixels with the normals that the scene brings, and tangents for lobes that ask for them."""
-        scene, at = self.scene, (rows.triangle, rows.barycentric)
-        normals = None
-        if self.request.normals == "smooth" and len(rows):
-            normals = scene.shading_normals(*at, rows.normal, scene.camera)
-        turns = scene.turns(*at, rows.normal if normals is None else normals) if self.glossy else None
-        return rows if normals is None and turns is None else rows.shaded(normals, turns)
 
     def albedo(self) -> np.ndarray:
         """What the response of each row is multiplied by: the diffuse albedo, or the colour of its lobe."""
@@ -305,6 +297,31 @@ class Prepared:
             of = without if light.peaks == 0 else errors
             of[light.name] = max(error, of.get(light.name, 0.0))
         return Survey(found, errors, without)
+
+
+def shaded(scene: Scene, rows: Receivers, *, smooth: bool = True, tangents: bool = True) -> Receivers:
+    """The rows of pixels with the normals that a scene brings, and tangents for lobes that ask for them.
+
+    Parameters
+    ----------
+    scene
+        Seen by its camera; of its materials only the models matter.
+    rows
+        Of pixels, with the normals of their triangles.
+    smooth
+        Whether to take normals of vertices, and pictures of them.
+    tangents
+        Whether to take tangents.
+
+    Returns
+    -------
+    Receivers
+    """
+    at, normals = (rows.triangle, rows.barycentric), None
+    if smooth and len(rows):
+        normals = scene.shading_normals(*at, rows.normal, scene.camera)
+    turns = scene.turns(*at, rows.normal if normals is None else normals) if tangents else None
+    return rows if normals is None and turns is None else rows.shaded(normals, turns)
 
 
 _MOST_MATERIALS = 65_535

@@ -7,12 +7,15 @@ import os
 import shutil
 from pathlib import Path
 
+from .._core import threads
 from ..scene.scene import Scene
 from ..transport.plan import Plan
 
 # Bytes: for each pixel that is looked at, and the row that it becomes until receivers are written; each triangle in the
 # tree; and the interpreter with all that it loads.
 PIXEL, TRIANGLE, INTERPRETER = 400.0, 400.0, 120e6
+# A gather sample with its cell; and of each sample and function what a thread's bundle of 64 rows takes.
+SAMPLE, BUNDLE_BYTES = 64 * 64.0, 64 * 4.0
 _JOB = "job.txt"
 
 
@@ -26,6 +29,19 @@ def check_request(scene: Scene) -> None:
     """
     pixels = scene.camera.width * scene.camera.height
     _check_memory(scene.name, INTERPRETER + PIXEL * pixels + TRIANGLE * len(scene.triangles))
+
+
+def check_gathering(scene: Scene, gather: int, functions: int) -> None:
+    """The same of rows over gather samples, which are dense while they are made.
+
+    Raises
+    ------
+    ValueError
+        With the number that is needed and the number that there is.
+    """
+    each = BUNDLE_BYTES * gather * (functions + 1)
+    needed = INTERPRETER + TRIANGLE * len(scene.triangles) + SAMPLE * gather + threads() * each
+    _check_memory(scene.name, needed, "fewer pixels, gather samples or threads")
 
 
 def check_folder_of(path: Path) -> Path:
@@ -77,12 +93,12 @@ def check_room(plan: Plan, path: Path) -> None:
     _check_memory(plan.scene, plan.bytes_in_memory)
 
 
-def _check_memory(name: str, needed: float) -> None:
+def _check_memory(name: str, needed: float, less: str = "fewer pixels, columns or threads") -> None:
     memory = _available_memory()
     if memory is not None and needed > memory:
         raise ValueError(
             f"{name} would need about {needed / 1e6:,.0f} MB of memory, "
-            f"but only {memory / 1e6:,.0f} MB are available; take fewer pixels, columns or threads"
+            f"but only {memory / 1e6:,.0f} MB are available; take {less}"
         )
 
 

@@ -46,8 +46,9 @@ from ..transport.passing import NODES, StudioNodes
 from ..transport.plan import Part, Plan
 from ..transport.studio import EACH, FOLDER, POINTS, StudioTransport
 from .between import MOST_NODES, linked
+from .preparation import shaded
 from .quality import QUALITIES
-from .room import check_folder_of, check_request, claim
+from .room import check_folder_of, check_gathering, check_request, claim
 
 __all__ = ["precompute_studio"]
 
@@ -178,10 +179,12 @@ class _Studio:
         self.quality, self.tolerance = quality
         if any(cutout is not None for cutout in scene.cutouts):
             raise ValueError("expected a scene whose surfaces are whole: lamps at run time see no holes in them")
+        functions = max((family.live * family.segments for family in families.values()), default=0)
+        check_gathering(scene, gather, max(functions, 0 if cap else 1))
         self.tell = reporter(progress, f"studio of {scene.name}")
         self.tell.begin("receivers")
         self.core, self.camera = scene.traced(scene.camera.position), scene.camera.rays()
-        self.rows = self._shaded(self.core.receivers(self.camera, edges=QUALITIES[self.quality].edges))
+        self.rows = shaded(scene, self.core.receivers(self.camera, edges=QUALITIES[self.quality].edges), tangents=False)
         self.material = scene.material[self.rows.triangle]
         self.of = {name: np.flatnonzero(self.material == number) for name, number in self.numbers.items()}
         unseen = [name for name, own in self.of.items() if not own.size]
@@ -189,13 +192,6 @@ class _Studio:
             raise ValueError(
                 f"expected materials that the camera sees, but no pixel shows {', '.join(unseen) or 'any'}"
             )
-
-    def _shaded(self, rows: Receivers) -> Receivers:
-        """The rows with the normals that the scene brings."""
-        if not len(rows):
-            return rows
-        normals = self.scene.shading_normals(rows.triangle, rows.barycentric, rows.normal, self.scene.camera)
-        return rows if normals is None else rows.shaded(normals, None)
 
     def run(self, path: Path) -> StudioTransport:
         """Part after part, and last what says that all is there."""

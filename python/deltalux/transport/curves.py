@@ -104,7 +104,7 @@ class CurveTransport:
     camera: Camera
     light: str
     seconds: float
-    _again: Callable[[Any], CurveTransport] | None = field(default=None, repr=False)
+    _again: Callable[..., CurveTransport] | None = field(default=None, repr=False)
 
     @property
     def nbytes(self) -> int:
@@ -151,7 +151,10 @@ def _part(folder: Path, about: Mapping[str, Any], number: int, stored: Mapping[s
     def own(name: str, *shape: int) -> NDArray[np.float64]:
         return array(stored, f"{name}.{number}", np.float64, shape)
 
-    factors = KINDS[kind]
+    # What was drawn stands behind the functions of its kind.
+    factors = len(stored[f"functions.{number}"])
+    if not KINDS[kind] <= factors <= KINDS[kind] + 3:
+        raise ValueError(f"expected {KINDS[kind]} functions of a reflectance, or up to 3 more, found {factors}")
     kinds, numbers = stored[f"model.{number}"].astype(np.uint32), stored[f"parameters.{number}"].astype(np.float64)
     part = CurvePart(
         name=str(about["name"]),

@@ -4,9 +4,11 @@
 //! angle to the normal; of Lafortune's, the angle whose cosine is the base of the power (Nguyen 2010, section 4).
 
 use std::f64::consts::PI;
+use std::sync::Arc;
 
 use crate::brdf::direction::{Direction, Half, above, dot, mirrored};
 use crate::brdf::range::within;
+use crate::brdf::{AshikhminShirley, BlinnPhong, Brdf, CookTorrance, Fresnel, Ward, WardDuer, phong};
 use crate::error::{Error, Result};
 
 /// A model with one parameter.
@@ -65,6 +67,18 @@ impl Edited {
             return Err(Error::input("expected f0 of a model of the half vector: lafortune has no facets"));
         }
         Ok(Edited { f0: within("f0", f0, 0.0, 1.0)?, ..self })
+    }
+
+    /// The model of one parameter, with facets that are mirrors.
+    pub fn model(self, gamma: f64) -> Result<Arc<dyn Brdf>> {
+        Ok(match self.model {
+            Model::BlinnPhong => Arc::new(BlinnPhong::new(gamma)?),
+            Model::Ward => Arc::new(Ward::new([gamma; 2])?),
+            Model::WardDuer => Arc::new(WardDuer::new([gamma; 2])?),
+            Model::Lafortune => Arc::new(phong(gamma)?),
+            Model::CookTorrance => Arc::new(CookTorrance::new(gamma, Fresnel::None)?),
+            Model::AshikhminShirley => Arc::new(AshikhminShirley::new([gamma; 2], Fresnel::None)?),
+        })
     }
 
     /// Whether the parameter is an exponent; else it is a roughness.

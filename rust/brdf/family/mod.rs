@@ -20,8 +20,11 @@ mod edited;
 pub mod lookup;
 mod span;
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
+use crate::brdf::Brdf;
 use crate::error::{Error, Result};
 
 use axis::Axis;
@@ -52,6 +55,13 @@ pub struct Family {
     axis: Axis,
     /// One after the other, from the least parameter on.
     spans: Vec<Span>,
+    /// Of each the models of its ends and of its middle.
+    dense: Vec<Vec<Arc<dyn Brdf>>>,
+}
+
+/// Models of the ends of a range and of its middle.
+fn dense(edited: Edited, [low, high]: [f64; 2]) -> Result<Vec<Arc<dyn Brdf>>> {
+    [low, (low * high).sqrt(), high].into_iter().map(|gamma| edited.model(gamma)).collect()
 }
 
 impl Family {
@@ -100,7 +110,8 @@ impl Family {
             k => range[0] * (range[1] / range[0]).powf(k as f64 / segments as f64),
         };
         let spans = (0..segments).map(|k| Span::with_exact_ends(edited, &axis, [border(k), border(k + 1)], live));
-        Ok(Family { edited, spans: spans.collect(), axis })
+        let dense = (0..segments).map(|k| dense(edited, [border(k), border(k + 1)])).collect::<Result<_>>()?;
+        Ok(Family { edited, spans: spans.collect(), axis, dense })
     }
 
     /// The paper's: one basis of parameters and angles spread evenly, its mean apart. Of the `live` functions the mean is the
@@ -112,7 +123,7 @@ impl Family {
         }
         let axis = Axis::even(edited.model == Model::Lafortune);
         let spans = vec![Span::about_mean(edited, &axis, range, live)];
-        Ok(Family { edited, spans, axis })
+        Ok(Family { edited, spans, axis, dense: vec![dense(edited, range)?] })
     }
 
     /// What is approximated.
@@ -124,6 +135,11 @@ impl Family {
     pub fn width(&self, segment: usize) -> f64 {
         let angle = (2.0 * self.edited.width(self.spans[segment].range)).sqrt();
         if self.edited.model == Model::Lafortune { angle } else { 2.0 * angle }
+    }
+
+    /// Models whose lobes together are as dense as any function of a segment is large: of its ends, and of its middle.
+    pub fn dense(&self, segment: usize) -> &[Arc<dyn Brdf>] {
+        &self.dense[segment]
     }
 
     /// Functions of a segment.

@@ -31,9 +31,10 @@ _WAYS = (
     Way("cell, 16", "cell", 16),
     Way("cell, 16, L mean of the cell", "cell", 16, mean=True),
     Way("cell, 64, L mean", "cell", 64, mean=True),
-    Way("cell, by the angle, L mean", "angle", 64, mean=True),
+    Way("rays near by, cells beyond, L mean", "angle", 64, mean=True),
 )
-_NONE, _DISC, _CELL = _WAYS[0], _WAYS[1], _WAYS[4]
+_NONE, _DISC, _CELL, _STUDIO = _WAYS[0], _WAYS[1], _WAYS[5], _WAYS[6]
+"""The last one is what studios do."""
 _WITHIN, _TIMES = 0.02, 4.0
 
 Errors = dict[tuple[Way, int, str, float], float]
@@ -81,17 +82,17 @@ def _tell(sheet: Sheet, errors: Errors) -> None:
 def _draw_floor(sheet: Sheet, stage: Stage) -> None:
     numbers, (gamma, lamp) = stage.table[0], (_GAMMAS[-1], LAMPS[-1])
     samples = stage.samples(_SHOWN)
-    ways = [stage.picture(stage.gathered(samples, numbers, gamma, lamp, way)) for way in (_NONE, _DISC, _CELL)]
+    ways = [stage.picture(stage.gathered(samples, numbers, gamma, lamp, way)) for way in (_NONE, _DISC, _CELL, _STUDIO)]
     exact = stage.picture(stage.reference(numbers, gamma, lamp, _SHOWN_SIDE))
     stops = auto_exposure(exact)
     worst, side = np.abs(ways[0] - exact), max(min(exact.shape[:2]) // 4, 1)
     caption = (
         f"Sub-area points. What a floor of gamma {gamma:g} reflects of light that has bounced once, by {_SHOWN:,} "
-        "samples: each by its centre, by 16 points of a disc, 16 of its cell; and by rays. Below, enlarged where the "
-        "centre is worst (Fig. 2)."
+        "samples: each by its centre, by 16 points of a disc, 64 of its cell, as studios do; and by rays alone. Below, "
+        "enlarged where the centre is worst (Fig. 2)."
     )
-    with sheet.plot("floor.png", caption, 2, 4, (11.0, 5.8)) as (_, axes):
-        titles = ("none", "disc", "cell", "rays")
+    with sheet.plot("floor.png", caption, 2, 5, (13.0, 5.6)) as (_, axes):
+        titles = ("none", "disc", "cell", "studio", "rays")
         for title, picture, line in zip(titles, [*ways, exact], axes.T, strict=True):
             line[0].set_title(title, fontsize=9)
             show(line[0], picture, stops, f"{100 * off(picture, exact):.2g} %" if title != "rays" else None)
@@ -131,10 +132,10 @@ def _table(errors: Errors) -> list[dict[str, str]]:
 
 def _claims(errors: Errors) -> Sequence[Verdict]:
     at = (_COUNTS[-1], LAMPS[0], _GAMMAS[-1])
-    none, disc, cell, more = (errors[way, *at] for way in (_NONE, _DISC, _CELL, _WAYS[5]))
+    none, disc, cell, studio = (errors[way, *at] for way in (_NONE, _DISC, _CELL, _STUDIO))
     fewer = [errors[way, _COUNTS[0], *at[1:]] for way in (_NONE, _DISC)]
-    figures = f"none {100 * none:.2g}, discs {100 * disc:.2g}, cells {100 * cell:.2g} %"
-    left = f"With 64 points it is {100 * more:.2g} %: what is left is the sample's own, its light and what hides it."
+    figures = f"none {100 * none:.2g}, discs {100 * disc:.2g}, cells {100 * cell:.2g}, studios {100 * studio:.2g} %"
+    left = "What is left is the sample's own: its light, and the noise of rays."
     return [
         Verdict(
             "Sub-area points on discs enhance a narrow reflection (3.2, Fig. 2).",
@@ -145,16 +146,16 @@ def _claims(errors: Errors) -> Sequence[Verdict]:
             else f"With {_COUNTS[0]:,} samples it is {_percents(fewer)}: dense samples need few.",
         ),
         Verdict(
-            f"Cells are within {100 * _WITHIN:g} % under an even lamp at the narrowest lobe (our own aim).",
-            cell <= _WITHIN,
+            f"What studios do is within {100 * _WITHIN:g} % under an even lamp at the narrowest lobe (our own aim).",
+            studio <= _WITHIN,
             figures,
-            "" if cell <= _WITHIN else left,
+            "" if studio <= _WITHIN else left,
         ),
         Verdict(
-            "Discs of as many points are off by four times what cells are (our own aim).",
-            disc >= _TIMES * cell,
-            f"{disc / cell:.2g} times" if cell > 0 else figures,
-            "" if disc >= _TIMES * cell else left,
+            "Discs are off by four times as much (our own aim).",
+            disc >= _TIMES * studio,
+            f"{disc / studio:.2g} times" if studio > 0 else figures,
+            "" if disc >= _TIMES * studio else left,
         ),
     ]
 
@@ -167,7 +168,8 @@ STUDY = Study(
     title="Gather samples: points that stand for their surface",
     intro="Light that surfaces send to a glossy floor is gathered from samples of them. A narrow lobe falls between "
     "samples, so each is looked at by several points: of a disc of its area, as the paper does, or of its cell, the "
-    "part of the surface that is nearer to it than to any other. Held against rays of the lobe, in the same light.",
+    "part of the surface that is nearer to it than to any other. Where a cell is not small beside the lobe, studios "
+    "take rays of the lobe, and look in which cells they end. Held against rays alone, in the same light.",
     run=run,
     scene_files=("floor.png", "samples.png", "gather.csv"),
     traces="cornell",
