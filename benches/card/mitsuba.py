@@ -281,11 +281,18 @@ def arriving(whole: Any, position: Floats, normal: Floats, seed: int) -> tuple[F
     return means(draw, len(position), each)
 
 
+def beside_an_edge(share: Floats) -> NDArray[np.bool_]:
+    """Of each texel whether it and its neighbours in its face are open to another part."""
+    padded = np.pad(share.reshape(6, SIZE, SIZE), ((0, 0), (1, 1), (1, 1)), mode="edge")
+    around = [padded[:, i : i + SIZE, k : k + SIZE] for i in range(3) for k in range(3)]
+    return (np.max(around, axis=0) - np.min(around, axis=0) > 0.1).ravel()
+
+
 def of_itself(transport: dl.Transport, light: Floats) -> tuple[Floats, Floats]:
     """What B is off by the columns' own rule, and its deviation, (rows, 3).
 
     The middle of an open texel speaks for its mean cosine, which is a known difference; 16 rays tell how much of an
-    edge texel is open, with a variance of v (1 - v) / 16 at the most.
+    edge texel is open, with a variance of v (1 - v) / 16 or so.
     """
     area, radiance = np.tile(oracles.solid_angles(SIZE).ravel(), 6), light.reshape(-1, 3)
     middles, points = oracles.directions(SIZE).reshape(-1, 3), oracles.points(SIZE, 4)
@@ -304,7 +311,9 @@ def of_itself(transport: dl.Transport, light: Floats) -> tuple[Floats, Floats]:
         by_middle = (middle > 0) & (np.abs(own - middle) <= 1e-4 * np.maximum(middle, 0.01))
         off[row] = (np.where(by_middle, middle - mean, 0) * area)[lit] @ radiance[lit]
         share = np.clip(own / np.maximum(mean, 1e-12), 0, 1)
-        unsure = np.where(by_middle, 0, share * (1 - share) / 16 * mean**2)
+        # Also where all 16 rays agree beside an edge, as if half a ray had not.
+        seen = (16 * share + 0.5) / 17
+        unsure = np.where(beside_an_edge(share) | (share * (1 - share) > 0.02), seen * (1 - seen) / 17 * mean**2, 0)
         # Texels whose middle lies below the horizon are left out, be they open or not.
         unsure += np.where(middle > 0, 0, mean**2 / 4)
         variance[row] = (unsure * area**2)[lit] @ radiance[lit] ** 2
