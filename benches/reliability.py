@@ -20,7 +20,19 @@ from pathlib import Path
 
 from card.tally import Clock, Tally
 
-ROWS = ("rays", "frames", "bounds", "threads", "kills", "writes", "interrupts", "memory", "fuzzing", "faults")
+ROWS = (
+    "rays",
+    "frames",
+    "bounds",
+    "threads",
+    "kills",
+    "writes",
+    "interrupts",
+    "memory",
+    "fuzzing",
+    "mitsuba",
+    "faults",
+)
 FIRST, LATER = 20.0, 60.0
 """Seconds of a row with a share of 1, in the first turn and in later ones."""
 PATIENCE = 1800.0
@@ -32,8 +44,10 @@ def turn(name: str, seconds: float, seed: int, folder: Path) -> Tally:
     into, started = folder / f"{name}.json", time.monotonic()
     into.unlink(missing_ok=True)
     words = ["--row", name, "--seconds", seconds, "--seed", seed, "--out", folder]
+    # Threads of numpy's small products wait for each other where others are at work too: ten times as long as one.
+    own = os.environ | dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     with open(folder / f"{name}.log", "a") as log:
-        child = subprocess.Popen([sys.executable, __file__, *map(str, words)], stdout=log, stderr=log)
+        child = subprocess.Popen([sys.executable, __file__, *map(str, words)], stdout=log, stderr=log, env=own)
         try:
             ended = f"ended with {child.wait(seconds + PATIENCE)}"
         except subprocess.TimeoutExpired:

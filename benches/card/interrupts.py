@@ -42,7 +42,7 @@ def heard(path: Path, after: float) -> tuple[int, str, float]:
 def fault(status: int, said: str, took: float) -> str:
     """What is wrong with how it ended; nothing where Python itself had not begun, or all was done."""
     lines = said.splitlines()
-    if status == 0 or "deltalux" not in said or "starting.py" in said:
+    if status == 0 or "deltalux" not in said:
         return ""
     stopped = status == 130 and lines[-1].startswith("deltalux: stopped") and "Traceback" not in said
     return "" if stopped and took < SOON else f"ended with {status} after {took:.2f} s: {said[-500:]}"

@@ -4,10 +4,15 @@ B = M V: M is ray traced once (`precompute`); V, the light, moves; a `Relighter`
 """
 
 # isort: off
-from . import starting as _starting  # noqa: F401, Ctrl-C is heard while all others are imported
+from importlib import import_module as _import_module
+
+try:
+    _import_module(".starting", __name__)  # Ctrl-C is heard while all others are imported.
+except KeyboardInterrupt:
+    _import_module(".starting", __name__).interrupted()
+    raise
 
 # isort: on
-from importlib import import_module as _import_module
 from typing import Any as _Any
 
 from . import brdf as brdf

@@ -2,14 +2,15 @@
 traceback and some packages go on as if nothing had been asked.
 
 It lies under all other modules, is imported before them, and imports next to nothing itself: until it is there, Ctrl-C
-is Python's own. Hence `_signal`, which is built in, where `signal` reads two files.
+is Python's own, and the package's first lines catch it. Hence `_signal`, which is built in, where `signal` reads two
+files.
 """
 
 import _signal  # type: ignore[import-not-found]  # no stubs describe it
 import os
 import sys
 
-__all__ = ["INTERRUPTED", "begun", "ended"]
+__all__ = ["INTERRUPTED", "begun", "ended", "interrupted"]
 
 INTERRUPTED = 130
 """The exit status after Ctrl-C."""
@@ -27,6 +28,12 @@ def _is_command_line() -> bool:
     by_module = "-m" in words and words[words.index("-m") + 1 :][:1] == ["deltalux"]
     name = os.path.basename(sys.argv[0]) if sys.argv else ""
     return by_module or name in ("deltalux", "deltalux.exe")
+
+
+def interrupted() -> None:
+    """Ends the command line, where Ctrl-C was quicker than this module; any other process hears of it as ever."""
+    if _is_command_line():
+        _leave(_signal.SIGINT, None)
 
 
 def begun() -> None:

@@ -16,6 +16,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from deltalux import Environment, FileError
+from deltalux.images import writing
 from deltalux.images.attributes import ATTRIBUTES
 from deltalux.images.channels import choose
 from deltalux.images.colour import from_chromaticities, to_xyz
@@ -655,3 +656,29 @@ def test_a_picture_whose_last_bytes_do_not_reach_the_disk_is_an_error(tmp_path):
     words = [sys.executable, "-c", textwrap.dedent(script), str(tmp_path)]
     done = subprocess.run(words, capture_output=True, text=True, env=environment)
     assert (done.returncode, done.stdout) == (0, ""), done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("parts", [1, 2])
+def test_a_table_of_lines_that_did_not_reach_the_disk_is_an_error(tmp_path, parts):
+    """An EXR without it is read by searching: one whose last write had failed was taken for whole."""
+    picture = np.random.default_rng(0).random((70, 30, 3)).astype(np.float32)
+    path = tmp_path / "a.exr"
+    writing.write_parts(path, [(f"p{k}", ["R", "G", "B"], picture, "half") for k in range(parts)], target=path)
+    data = bytearray(path.read_bytes())
+    assert writing._is_whole(path, parts)
+    # The table is what holds the place of the first chunk; 70 lines are five chunks of 16.
+    places = [at for at in range(8, len(data) - 40 * parts) if _table(data, at, 5 * parts)]
+    assert len(places) == 1
+    for harm in (0, 3):
+        torn = data.copy()
+        torn[places[0] + 8 * harm : places[0] + 8 * 5 * parts] = bytes(8 * (5 * parts - harm))
+        path.write_bytes(torn)
+        assert not writing._is_whole(path, parts)
+    path.write_bytes(data)
+    assert writing._is_whole(path, parts)
+
+
+def _table(data, at, count):
+    """Whether so many places of chunks, in a row, begin here: the first chunk follows them."""
+    places = np.frombuffer(bytes(data[at : at + 8 * count]), "<u8")
+    return places[0] == at + 8 * count and (np.diff(places.astype(np.int64)) > 0).all() and places[-1] < len(data)

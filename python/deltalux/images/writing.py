@@ -153,7 +153,35 @@ def _is_whole(path: Path, parts: int) -> bool:
         file.seek_subimage(k, 0) and file.read_scanline(file.spec().height - 1, 0) is not None for k in range(parts)
     ]
     file.close()
-    return all(read)
+    return all(read) and (path.suffix != ".exr" or _is_whole_exr(path.read_bytes(), parts))
+
+
+def _is_whole_exr(data: bytes, parts: int) -> bool:
+    """Whether the table of lines says where every one of them is: it is written last, over zeros, and the library reads
+    a file without it by searching for them.
+
+    Of scan lines (OpenEXR, technical introduction): after magic and version the headers, of several parts ended by an
+    empty one; the table, a 64-bit place for each chunk; the chunks, each (of several parts its part,) its line, its
+    length and as many bytes.
+    """
+    at = 8
+    for _ in range(parts):
+        while data[at]:
+            # Name, type, length and value of an attribute.
+            at = data.index(0, data.index(0, at) + 1) + 1
+            at += 4 + int.from_bytes(data[at : at + 4], "little")
+        at += 1
+    at += parts > 1
+    first = int.from_bytes(data[at : at + 8], "little")
+    if not at < first <= len(data):
+        return False
+    table = np.sort(np.frombuffer(data[at:first], "<u8"))
+    lengths = 12 if parts > 1 else 8
+    for begin, end in zip(table, [*table[1:], len(data)], strict=True):
+        length = int.from_bytes(data[int(begin) + lengths - 4 : int(begin) + lengths], "little")
+        if int(begin) + lengths + length != end:
+            return False
+    return True
 
 
 def _is_whole_png(data: bytes) -> bool:
