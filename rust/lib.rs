@@ -19,7 +19,7 @@
 //! | [`update`] | B = M V, frame after frame: choosing, multiplying, and a bound | transport, basis |
 //! | [`relight`] | responses to pictures | nothing |
 //!
-//! [`error`] and [`sampling`] (numbers and directions spread evenly) may be used by all. `python` (behind its feature) uses everything and is used by nothing.
+//! [`error`], [`sampling`] (numbers and directions spread evenly) and `twice` (code compiled twice) may be used by all. `python` (behind its feature) uses everything and is used by nothing.
 
 #![warn(missing_docs)]
 
@@ -32,6 +32,7 @@ pub mod relight;
 pub mod sampling;
 pub mod scene;
 pub mod transport;
+mod twice;
 pub mod update;
 
 #[cfg(feature = "python")]

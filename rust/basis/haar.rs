@@ -20,6 +20,7 @@ use std::sync::OnceLock;
 use rayon::prelude::*;
 
 use crate::error::Result;
+use crate::twice::compiled_twice;
 
 use super::bands::ColumnSpace;
 use super::cubemap::solid_angles;
@@ -185,20 +186,9 @@ fn children(block: usize, side: usize) -> [usize; 4] {
     [first, first + 1, first + 2 * side, first + 2 * side + 1]
 }
 
-/// All levels of one face, finest first; `own[0]` takes the scaling coefficient, `own[l + 1]` level l.
-fn analyse<L: Texel>(weights: &[Vec<[f64; 4]>], texels: &mut [L], own: &mut [&mut [L]]) {
-    #[cfg(target_arch = "x86_64")]
-    if is_x86_feature_detected!("avx2") {
-        // SAFETY: the processor has AVX2.
-        return unsafe { analyse_avx2(weights, texels, own) };
-    }
-    analyse_any(weights, texels, own)
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn analyse_avx2<L: Texel>(weights: &[Vec<[f64; 4]>], texels: &mut [L], own: &mut [&mut [L]]) {
-    analyse_any(weights, texels, own)
+compiled_twice! {
+    /// All levels of one face, finest first; `own[0]` takes the scaling coefficient, `own[l + 1]` level l.
+    fn analyse[L: Texel](weights: &[Vec<[f64; 4]>], texels: &mut [L], own: &mut [&mut [L]]) = analyse_any;
 }
 
 /// The same operations in the same order on every machine (no fused multiply-add), hence the same bits.

@@ -12,6 +12,7 @@ use std::sync::OnceLock;
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
+use crate::twice::compiled_twice;
 
 use super::bands::ColumnSpace;
 use super::cubemap::{direction_to_face_uv, face_point, texel_centre, texel_direction, texel_of};
@@ -149,11 +150,6 @@ impl HarmonicProjection {
     fn sums<L: Texel>(&self, block: &Block, folded: &[L]) -> [L; BLOCK] {
         let count = self.images.len();
         let values = &folded[block.signs * count..(block.signs + 1) * count];
-        #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2") {
-            // SAFETY: the processor has AVX2.
-            return unsafe { products_avx2(&block.integrals, values) };
-        }
         products(&block.integrals, values)
     }
 
@@ -166,15 +162,12 @@ impl HarmonicProjection {
     }
 }
 
-/// The same code, compiled for wider lanes: the same bits, since Rust never fuses or reorders.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn products_avx2<L: Texel>(integrals: &[[f64; BLOCK]], values: &[L]) -> [L; BLOCK] {
-    products(integrals, values)
+compiled_twice! {
+    fn products[L: Texel](integrals: &[[f64; BLOCK]], values: &[L]) -> [L; BLOCK] = products_any;
 }
 
 #[inline(always)]
-fn products<L: Texel>(integrals: &[[f64; BLOCK]], values: &[L]) -> [L; BLOCK] {
+fn products_any<L: Texel>(integrals: &[[f64; BLOCK]], values: &[L]) -> [L; BLOCK] {
     let mut total = [L::ZERO; BLOCK];
     for (integrals, values) in integrals.chunks(CHAIN).zip(values.chunks(CHAIN)) {
         let mut sums = [L::ZERO; BLOCK];

@@ -14,6 +14,7 @@ use std::fmt::Debug;
 
 use super::direction::{Direction, Half, above};
 use super::fresnel::Fresnel;
+use crate::twice::compiled_twice;
 
 /// What a pair of directions takes of a curve.
 #[derive(Clone, Copy, Debug)]
@@ -37,12 +38,7 @@ pub trait Curved: Debug + Send + Sync {
     /// `share` of many directions to the light, one coordinate a list, and one to the eye: u, the cosine and the quotient, all
     /// 0 below the horizon. All lists are as long.
     fn shares(&self, wi: [&[f64]; 3], wo: Direction, out: [&mut [f64]; 3]) {
-        #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2") {
-            // SAFETY: the processor has AVX2.
-            return unsafe { shares_avx2(self, wi, wo, out) };
-        }
-        shares_any(self, wi, wo, out);
+        shares_of(self, wi, wo, out);
     }
 
     /// F, a factor beside the curve.
@@ -54,11 +50,8 @@ pub trait Curved: Debug + Send + Sync {
     }
 }
 
-/// The same code, compiled for four lanes: the same bits, since Rust never fuses or reorders.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn shares_avx2<C: Curved + ?Sized>(curved: &C, wi: [&[f64]; 3], wo: Direction, out: [&mut [f64]; 3]) {
-    shares_any(curved, wi, wo, out)
+compiled_twice! {
+    fn shares_of[C: Curved + ?Sized](curved: &C, wi: [&[f64]; 3], wo: Direction, out: [&mut [f64]; 3]) = shares_any;
 }
 
 #[inline(always)]

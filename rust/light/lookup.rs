@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use super::layout::{Layout, Rows};
 use crate::basis::cubemap::{direction_to_face_uv, face_point, rectangle_solid_angle, solid_angles, texel_centre};
+use crate::twice::compiled_twice;
 
 /// The weighted mean of `a` and `b`, at `f` of the way.
 fn mix(a: [f64; 3], b: [f64; 3], f: f64) -> [f64; 3] {
@@ -30,34 +31,16 @@ pub fn lat_long(pixels: &[[f32; 3]], width: usize, height: usize, rows: Rows, di
     mix(line(0), line(1), v - top)
 }
 
-/// `lat_long` for many directions of length 1, in f32: angles to a few millionths, far less than a pixel of any map.
-pub fn lat_long_all(
-    pixels: &[[f32; 3]],
-    width: usize,
-    height: usize,
-    rows: Rows,
-    directions: &[[f32; 3]],
-    out: &mut [[f32; 3]],
-) {
-    #[cfg(target_arch = "x86_64")]
-    if is_x86_feature_detected!("avx2") {
-        // SAFETY: the processor has AVX2.
-        return unsafe { lat_long_avx2(pixels, width, height, rows, directions, out) };
-    }
-    lat_long_any(pixels, width, height, rows, directions, out)
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn lat_long_avx2(
-    pixels: &[[f32; 3]],
-    width: usize,
-    height: usize,
-    rows: Rows,
-    directions: &[[f32; 3]],
-    out: &mut [[f32; 3]],
-) {
-    lat_long_any(pixels, width, height, rows, directions, out)
+compiled_twice! {
+    /// `lat_long` for many directions of length 1, in f32: angles to a few millionths, far less than a pixel of any map.
+    pub fn lat_long_all(
+        pixels: &[[f32; 3]],
+        width: usize,
+        height: usize,
+        rows: Rows,
+        directions: &[[f32; 3]],
+        out: &mut [[f32; 3]],
+    ) = lat_long_any;
 }
 
 /// Directions that are turned into angles together.

@@ -25,6 +25,7 @@ use crate::scene::rays::{Apex, FAN, Fan, LIFT, Segments, Tracer, Walk, fans};
 use crate::scene::surface::dot;
 use crate::scene::{GatherSamples, Point, Surfaces};
 use crate::transport::{GROUP, Rows16};
+use crate::twice::compiled_twice;
 
 use super::nearby::Nearby;
 use super::standing::{Lanes, Met, Receiver, Standing};
@@ -221,6 +222,11 @@ fn largest(counts: &[u8; FAN]) -> usize {
     usize::from(most)
 }
 
+compiled_twice! {
+    fn gathered(gather: &Gather<'_>, receivers: &[Receiver], segments: &mut Segments, out: &mut Vec<Rows16>)
+        = Gather::rows_any;
+}
+
 impl Gather<'_> {
     /// Rows of each receiver, through all kernels.
     pub fn count(&self) -> usize {
@@ -229,19 +235,7 @@ impl Gather<'_> {
 
     /// The rows of up to 64 receivers in groups of 16: `[row][group][sample]`, each the values of 16 receivers.
     pub fn rows(&self, receivers: &[Receiver], segments: &mut Segments, out: &mut Vec<Rows16>) {
-        #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2") {
-            // SAFETY: the instruction set was found.
-            return unsafe { self.rows_avx2(receivers, segments, out) };
-        }
-        self.rows_any(receivers, segments, out)
-    }
-
-    /// The same code, compiled for eight lanes: the same bits, since Rust never fuses or reorders.
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn rows_avx2(&self, receivers: &[Receiver], segments: &mut Segments, out: &mut Vec<Rows16>) {
-        self.rows_any(receivers, segments, out)
+        gathered(self, receivers, segments, out)
     }
 
     #[inline(always)]

@@ -16,6 +16,7 @@ use std::ops::{Add, AddAssign, Mul};
 
 use super::links::Counts;
 use crate::error::{Error, Result};
+use crate::twice::compiled_twice;
 
 /// Most products with F for a column before it is given up.
 const MOST: usize = 10_000;
@@ -73,6 +74,10 @@ fn spread<T: Real, const N: usize>(pairs: (&[u32], &[f32]), x: &[T], n: usize, f
     N
 }
 
+compiled_twice! {
+    fn applied[T: Real](operator: &Operator<'_>, x: &[T], n: usize) -> Vec<T> = Operator::apply_any;
+}
+
 impl<'a> Operator<'a> {
     /// Of nodes with these albedos.
     pub fn new(factors: &'a Counts, albedo: Vec<f32>) -> Self {
@@ -84,18 +89,7 @@ impl<'a> Operator<'a> {
 
     /// F rho X for X of nodes x n.
     pub fn apply<T: Real>(&self, x: &[T], n: usize) -> Vec<T> {
-        #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2") {
-            // SAFETY: the instruction set was found.
-            return unsafe { self.apply_avx2(x, n) };
-        }
-        self.apply_any(x, n)
-    }
-
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn apply_avx2<T: Real>(&self, x: &[T], n: usize) -> Vec<T> {
-        self.apply_any(x, n)
+        applied(self, x, n)
     }
 
     #[inline(always)]

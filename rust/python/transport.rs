@@ -342,6 +342,21 @@ impl Transport {
         Ok(Some(norms.into_pyarray(py).unbind()))
     }
 
+    /// Of a clustered transport how many pairs of stages there are, and the first row that is longer in a band than its link
+    /// says (its number, its norm, and what is said), norms made again being off by the factor `under` at most; None of others.
+    #[allow(clippy::type_complexity)]
+    fn represented(&self, py: Python<'_>, under: f64) -> PyResult<Option<(usize, Option<(usize, f64, f64)>)>> {
+        let product = self.product();
+        let (core::Link::Representatives(norms), Some(then)) = (&product.link, &product.then) else {
+            return Ok(None);
+        };
+        let broken = compute(py, || {
+            let pairs = norms.iter().zip(product.first.iter().zip(then.iter()));
+            Ok(pairs.into_iter().find_map(|(norms, (first, then))| norms.broken(first, then, under)))
+        })?;
+        Ok(Some((norms.len(), broken)))
+    }
+
     /// The norms that the file states of the stored rows of the receivers' matrix, and of what they lost, in each band and channel,
     /// (rows, bands * channels) float32 each.
     #[allow(clippy::type_complexity)]

@@ -23,6 +23,7 @@
 
 use crate::basis::Bands;
 use crate::error::{Error, Result};
+use crate::twice::compiled_twice;
 
 use super::entry::{GROUP, MAX_SPAN, Rows16, Width, bf16, bf16_up, check_quantum, power_of_two};
 #[cfg(target_arch = "x86_64")]
@@ -86,35 +87,18 @@ pub fn area_weights(bands: &Bands) -> Vec<f64> {
     bands.areas[..bands.stored()].iter().map(|area| area.sqrt()).collect()
 }
 
-/// Compresses 16 rows: `planes[c][j]` is column j of channel c; `beside` is the norm of the longest row in columns that have
-/// no entries, which share the unit. `out` is emptied first and keeps its memory.
-///
-/// Fails where a coefficient is not finite or too large to be stored.
-pub fn compress_group(
-    planes: &[&[Rows16]],
-    bands: &Bands,
-    rule: &Truncation,
-    beside: f64,
-    out: &mut CompressedGroup,
-) -> Result<()> {
-    #[cfg(target_arch = "x86_64")]
-    if is_x86_feature_detected!("avx2") {
-        // SAFETY: the instruction set was found.
-        return unsafe { compress_avx2(planes, bands, rule, beside, out) };
-    }
-    compress_portable(planes, bands, rule, beside, out)
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn compress_avx2(
-    planes: &[&[Rows16]],
-    bands: &Bands,
-    rule: &Truncation,
-    beside: f64,
-    out: &mut CompressedGroup,
-) -> Result<()> {
-    compress_planes::<Avx2>(planes, bands, rule, beside, out)
+compiled_twice! {
+    /// Compresses 16 rows: `planes[c][j]` is column j of channel c; `beside` is the norm of the longest row in columns that have
+    /// no entries, which share the unit. `out` is emptied first and keeps its memory.
+    ///
+    /// Fails where a coefficient is not finite or too large to be stored.
+    pub fn compress_group(
+        planes: &[&[Rows16]],
+        bands: &Bands,
+        rule: &Truncation,
+        beside: f64,
+        out: &mut CompressedGroup,
+    ) -> Result<()> = compress_portable, compress_planes::<Avx2>;
 }
 
 /// The path of every other machine; public so that the suite can hold the two against each other.

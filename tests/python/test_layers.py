@@ -21,7 +21,7 @@ RUST, PYTHON = ROOT / "rust", ROOT / "python" / "deltalux"
 
 # The floors of both languages, from the ground up. A room is a folder or, where there is none, a file.
 RUST_FLOORS = (
-    ("error", "sampling", "metrics"),
+    ("error", "sampling", "metrics", "twice"),
     ("basis",),
     ("light", "transport", "brdf"),
     ("scene", "update"),

@@ -3,9 +3,10 @@
 import shutil
 
 import deltalux as dl
+import forms
 import numpy as np
 import pytest
-from deltalux import FileError
+from deltalux import FileError, _core
 from deltalux.command.cli import main
 
 
@@ -57,3 +58,34 @@ def test_files_are_read_again(cornell, tmp_path):
         transport.verify()
     with pytest.raises(ValueError, match="in memory"):
         dl.Transport(transport._core.__class__.from_dense(np.ones((4, 6)), columns="haar:1")).verify()
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+def test_norms_of_rows_that_two_stages_stand_for(rng, channels):
+    """Opening believes them: no entry holds them."""
+    P, W = forms.dense(rng, 64, 20), forms.dense(rng, 20, 40, scale=10)
+    P = P if channels == 1 else np.stack([P, 2 * P, P / 2], -1)
+    first, then = forms.stored(P, "sh:8"), forms.stored(W, "representatives:5x3", width="i8")
+    bands = dl.SphericalHarmonics(8).bands
+    ones = np.stack([bands == band for band in np.unique(bands)], 1)
+    rows, weights = (np.stack([part.row(k) for k in range(part.rows)]).astype(np.float64) for part in (first, then))
+    both = np.einsum("rk,kcx->rcx", weights[..., 0], rows)
+    true = np.sqrt(np.einsum("rcx,cb->rbx", both**2, ones))
+    under = 1 + 2.0**-20
+
+    def found(kept):
+        link = _core.Link.representatives([(kept, np.zeros_like(kept))])
+        return _core.Transport.join([first], link, [then]).represented(under)
+
+    assert found(true) == (1, None)
+    for row, band, channel in [(0, 0, 0), (39, len(ones[0]) - 1, channels - 1)]:
+        short = true.copy()
+        short[row, band, channel] *= 0.98
+        pairs, (which, norm, said) = found(short)
+        assert (pairs, which) == (1, row) and norm == pytest.approx(true[row, band, channel]) and said < norm
+
+
+def test_clusters_are_verified(cornell, tmp_path):
+    made = cornell.clustered(tmp_path / "c.transport", clusters=4, representatives=3, progress=False)
+    said = made.verify()
+    assert "clusters: 565 rows that two stages stand for are no longer than is said" in said, said

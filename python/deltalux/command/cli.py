@@ -5,6 +5,7 @@ Every error that a user can cause is one sentence on standard error and exit sta
 
 from __future__ import annotations
 
+import faulthandler
 import os
 import sys
 import time
@@ -51,6 +52,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def run() -> NoReturn:
     """The whole process of one command."""
+    # A mapped file that somebody shortens ends the process: not without a word.
+    if sys.__stderr__ is not None:
+        faulthandler.enable(sys.__stderr__)
     status = main()
     ended()
     sys.exit(status)

@@ -23,6 +23,7 @@ def verified(transport: Transport) -> Iterator[str]:
     """What `Transport.verify` gives, line by line."""
     yield _files(transport)
     yield _texels(transport._core)
+    yield from _clusters(transport)
     yield _audit(transport)
     yield _scene(transport)
     yield "believed: what rows lost where no audit is, weights and albedo of receivers, plan"
@@ -48,6 +49,19 @@ def _texels(core: CoreTransport) -> str:
         row = int(short[0])
         raise FileError(f"expected {found[row]:.6g} or more kept of row {row} in texels, found {kept[row, -1]:.6g}")
     return f"texel columns: {len(found):,} rows are no longer than is said"
+
+
+def _clusters(transport: Transport) -> Iterator[str]:
+    """Norms of the rows that two stages stand for, which no entry holds; nothing where there are none."""
+    found = transport._core.represented(_UNDER)
+    if found is None:
+        return
+    pairs, broken = found
+    if broken is not None:
+        row, norm, said = broken
+        raise FileError(f"expected {norm:.6g} or more kept of row {row} by both stages in a band, found {said:.6g}")
+    rows = len(transport.receivers) * pairs
+    yield f"clusters: {rows:,} rows that two stages stand for are no longer than is said"
 
 
 def _audit(transport: Transport) -> str:

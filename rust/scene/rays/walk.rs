@@ -21,6 +21,7 @@ use super::facets::Facets;
 use super::fan::Fan;
 use super::holes::Porous;
 use super::tree::{LEAF, WideTree};
+use crate::twice::compiled_twice;
 
 /// Room for the walk, kept between calls.
 #[derive(Default)]
@@ -194,39 +195,17 @@ fn push_children<L: Eight>(
     }
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn walk_avx2(tree: &WideTree, from: &Apex, fan: &Fan, active: u64, room: &mut Walk) -> u64 {
-    walk::<Avx2>(tree, from, fan, active, room)
-}
+compiled_twice! {
+    /// Which of the `active` rays triangles with holes stop; `room.thin` says which of them might have gone another way.
+    pub(super) fn blocked_porous(porous: &Porous, from: &Apex, fan: &Fan, active: u64, room: &mut Walk) -> u64
+        = walk_porous::<Portable>, walk_porous::<Avx2>;
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn walk_porous_avx2(porous: &Porous, from: &Apex, fan: &Fan, active: u64, room: &mut Walk) -> u64 {
-    walk_porous::<Avx2>(porous, from, fan, active, room)
-}
-
-/// Which of the `active` rays triangles with holes stop; `room.thin` says which of them might have gone another way.
-pub(super) fn blocked_porous(porous: &Porous, from: &Apex, fan: &Fan, active: u64, room: &mut Walk) -> u64 {
-    #[cfg(target_arch = "x86_64")]
-    if std::is_x86_feature_detected!("avx2") {
-        // SAFETY: the processor has AVX2.
-        return unsafe { walk_porous_avx2(porous, from, fan, active, room) };
-    }
-    walk_porous::<Portable>(porous, from, fan, active, room)
+    /// Which of the `active` rays of a fan (one bit each) meet a triangle. An answer does not depend on the other rays.
+    pub fn blocked(tree: &WideTree, from: &Apex, fan: &Fan, active: u64, room: &mut Walk) -> u64
+        = walk::<Portable>, walk::<Avx2>;
 }
 
 /// The portable walk: what processors without AVX2 take, and the oracle of the other.
 pub fn blocked_portable(tree: &WideTree, from: &Apex, fan: &Fan, active: u64, room: &mut Walk) -> u64 {
     walk::<Portable>(tree, from, fan, active, room)
-}
-
-/// Which of the `active` rays of a fan (one bit each) meet a triangle. An answer does not depend on the other rays.
-pub fn blocked(tree: &WideTree, from: &Apex, fan: &Fan, active: u64, room: &mut Walk) -> u64 {
-    #[cfg(target_arch = "x86_64")]
-    if std::is_x86_feature_detected!("avx2") {
-        // SAFETY: the processor has AVX2.
-        return unsafe { walk_avx2(tree, from, fan, active, room) };
-    }
-    blocked_portable(tree, from, fan, active, room)
 }

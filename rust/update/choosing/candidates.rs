@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use crate::basis::Bands;
+use crate::twice::compiled_twice;
 
 use super::largest::{Keyed, by_key};
 use super::method::{Colours, Norm};
@@ -45,22 +46,18 @@ fn key(weight: f64, magnitude: f64) -> f64 {
     if key > least { key } else { least }
 }
 
+compiled_twice! {
+    fn measure(keys: &mut Keys, colours: Colours, weights: &[f64], target: &[[f64; 3]], values: &[[f64; 3]])
+        = Keys::measure_any;
+
+    /// The sum of the numbers below a limit, in eight interleaved parts: a fixed order that vectorises.
+    fn sum_below(numbers: &[f64], limit: f64) -> f64 = sum_below_any;
+}
+
 impl Keys {
     /// Computes all keys in one pass over both vectors.
     pub fn measure(&mut self, colours: Colours, weights: &[f64], target: &[[f64; 3]], values: &[[f64; 3]]) {
-        #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2") {
-            // SAFETY: the processor has AVX2.
-            return unsafe { self.measure_avx2(colours, weights, target, values) };
-        }
-        self.measure_any(colours, weights, target, values);
-    }
-
-    /// The same code, compiled for four lanes: the same bits, since Rust never fuses or reorders.
-    #[cfg(target_arch = "x86_64")]
-    #[target_feature(enable = "avx2")]
-    fn measure_avx2(&mut self, colours: Colours, weights: &[f64], target: &[[f64; 3]], values: &[[f64; 3]]) {
-        self.measure_any(colours, weights, target, values);
+        measure(self, colours, weights, target, values);
     }
 
     #[inline(always)]
@@ -206,22 +203,6 @@ impl Candidates<'_> {
             }
         }
     }
-}
-
-/// The sum of the numbers below a limit, in eight interleaved parts: a fixed order that vectorises.
-fn sum_below(numbers: &[f64], limit: f64) -> f64 {
-    #[cfg(target_arch = "x86_64")]
-    if is_x86_feature_detected!("avx2") {
-        // SAFETY: the processor has AVX2.
-        return unsafe { sum_below_avx2(numbers, limit) };
-    }
-    sum_below_any(numbers, limit)
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn sum_below_avx2(numbers: &[f64], limit: f64) -> f64 {
-    sum_below_any(numbers, limit)
 }
 
 #[inline(always)]

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use crate::error::{Error, Result};
 use crate::transport::weights::{Weights, named, signed};
 use crate::transport::{GROUP, TransportMatrix};
+use crate::twice::compiled_twice;
 
 use super::kernel::Sums;
 
@@ -145,21 +146,10 @@ pub(in crate::update) fn add_nodes<T: Rounded>(
     tiles.for_each(|(tile, (rows, sums))| add_to_tile(tile * matrix.tile_rows, sums, weights, &values, rows));
 }
 
-/// The rows of a tile, from row `first` on.
-fn add_to_tile<T: Rounded>(first: usize, sums: &[Sums], weights: &Weights, values: &[[f64; 4]], rows: &mut [T]) {
-    #[cfg(target_arch = "x86_64")]
-    if is_x86_feature_detected!("avx2") {
-        // SAFETY: the processor has AVX2.
-        return unsafe { add_to_tile_avx2(first, sums, weights, values, rows) };
-    }
-    add_to_tile_any(first, sums, weights, values, rows)
-}
-
-/// The same code, compiled for four lanes: the same bits, since Rust never fuses or reorders.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn add_to_tile_avx2<T: Rounded>(first: usize, sums: &[Sums], weights: &Weights, values: &[[f64; 4]], rows: &mut [T]) {
-    add_to_tile_any(first, sums, weights, values, rows)
+compiled_twice! {
+    /// The rows of a tile, from row `first` on.
+    fn add_to_tile[T: Rounded](first: usize, sums: &[Sums], weights: &Weights, values: &[[f64; 4]], rows: &mut [T])
+        = add_to_tile_any;
 }
 
 #[inline(always)]

@@ -13,6 +13,7 @@ use rayon::prelude::*;
 use crate::error::{Error, Result};
 use crate::transport::entry::{GROUP, MAX_SPAN, group_of, nearest_integer, shift_of};
 use crate::transport::{Tile, TransportMatrix};
+use crate::twice::compiled_twice;
 
 /// Bits of an f64's significand.
 const SIGNIFICAND: i32 = 53;
@@ -99,20 +100,15 @@ impl Grid {
         quantised.resize(coefficients.len(), [0.0; 3]);
         let (units, spacing) = (power_of_two(-self.exponent), power_of_two(self.exponent));
         let (numbers, rounded) = (coefficients.as_flattened(), quantised.as_flattened_mut());
-        #[cfg(target_arch = "x86_64")]
-        if is_x86_feature_detected!("avx2") {
-            // SAFETY: the processor has AVX2.
-            return unsafe { round_avx2(numbers, units, spacing, rounded) };
-        }
-        round_any(numbers, units, spacing, rounded);
+        round_all(numbers, units, spacing, rounded);
     }
 }
 
-/// The same code, compiled for four lanes: the same bits, since Rust never fuses or reorders.
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn round_avx2(numbers: &[f64], units: f64, spacing: f64, rounded: &mut [f64]) {
-    round_any(numbers, units, spacing, rounded)
+compiled_twice! {
+    fn round_all(numbers: &[f64], units: f64, spacing: f64, rounded: &mut [f64]) = round_any;
+
+    /// Sums of squares, in each colour, of `light - values`, of `light` and of `values`.
+    pub(super) fn squares(light: &[[f64; 3]], values: &[[f64; 3]]) -> [[f64; 3]; 3] = squares_any;
 }
 
 #[inline(always)]
@@ -177,22 +173,6 @@ pub(super) fn norm_of_squares(parts: impl IntoIterator<Item = [f64; 3]>) -> f64 
     } else {
         f64::INFINITY
     }
-}
-
-/// Sums of squares, in each colour, of `light - values`, of `light` and of `values`.
-pub(super) fn squares(light: &[[f64; 3]], values: &[[f64; 3]]) -> [[f64; 3]; 3] {
-    #[cfg(target_arch = "x86_64")]
-    if is_x86_feature_detected!("avx2") {
-        // SAFETY: the processor has AVX2.
-        return unsafe { squares_avx2(light, values) };
-    }
-    squares_any(light, values)
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn squares_avx2(light: &[[f64; 3]], values: &[[f64; 3]]) -> [[f64; 3]; 3] {
-    squares_any(light, values)
 }
 
 /// Four columns of three colours are added at a time.

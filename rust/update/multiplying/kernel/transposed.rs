@@ -10,6 +10,7 @@ use super::columns::{Columns, Integer, Sums};
 use crate::transport::entry::{Channels, GROUP, group_of, shift_of};
 use crate::transport::sight::{BUNDLE, Sight, Texels};
 use crate::transport::tile::{Tile, Values};
+use crate::twice::compiled_twice;
 
 /// Sums of columns in red, green and blue, in whole units.
 pub type Totals = [i128; 3];
@@ -72,23 +73,19 @@ fn entries<T: Integer, const C: usize>(
     totals: &mut [Totals],
 ) {
     let columns = Columns { starts: &tile.starts, words: &tile.words, entries };
-    #[cfg(target_arch = "x86_64")]
-    if is_x86_feature_detected!("avx2") {
-        // SAFETY: the processor has AVX2.
-        return unsafe { entries_avx2(&columns, own, numbers, totals) };
-    }
-    entries_any(&columns, own, numbers, totals)
+    by_columns(&columns, own, numbers, totals)
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn entries_avx2<T: Integer, const C: usize>(
-    columns: &Columns<'_, T, C>,
-    own: Range<usize>,
-    numbers: Numbers,
-    totals: &mut [Totals],
-) {
-    entries_any(columns, own, numbers, totals)
+compiled_twice! {
+    fn by_columns[T: Integer, const C: usize](
+        columns: &Columns<'_, T, C>,
+        own: Range<usize>,
+        numbers: Numbers,
+        totals: &mut [Totals],
+    ) = entries_any;
+
+    /// Texels, whose values are made anew bundle by bundle.
+    fn sighted(sight: &Sight, texels: Range<usize>, numbers: Numbers, totals: &mut [Totals]) = sighted_any;
 }
 
 #[inline(always)]
@@ -119,22 +116,6 @@ fn dot(a: &[f64; GROUP], b: &[f64; GROUP]) -> f64 {
         }
     }
     (sums[0] + sums[1]) + (sums[2] + sums[3])
-}
-
-/// Texels, whose values are made anew bundle by bundle.
-fn sighted(sight: &Sight, texels: Range<usize>, numbers: Numbers, totals: &mut [Totals]) {
-    #[cfg(target_arch = "x86_64")]
-    if is_x86_feature_detected!("avx2") {
-        // SAFETY: the processor has AVX2.
-        return unsafe { sighted_avx2(sight, texels, numbers, totals) };
-    }
-    sighted_any(sight, texels, numbers, totals)
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn sighted_avx2(sight: &Sight, texels: Range<usize>, numbers: Numbers, totals: &mut [Totals]) {
-    sighted_any(sight, texels, numbers, totals)
 }
 
 #[inline(always)]
