@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from deltalux._core import GatherSamples, LitPoints
 from deltalux.precomputation import room
+from deltalux.scene.builtin.shapes import join, quad, sphere
 from PIL import Image
 
 GATHER, NODES, SIZE, GAMMA = 256, 200, 20, 40.0
@@ -420,6 +421,53 @@ def test_bad_requests(coarse, tmp_path):
         with pytest.raises(ValueError, match="gamma of floor from 3 to 300"):
             studio.set("floor", gamma=gamma)
     assert studio.looks["floor"].gamma == 3
+
+
+def ball(segments, normals):
+    """A ball of few or many triangles before a wall."""
+    (round_, faces), (level, two), (up, _) = (
+        sphere((0, 0.6, 0), 0.6, segments),
+        quad((-2, 0, -2), (0, 0, 4), (4, 0, 0)),
+        quad((-2, 0, -2), (4, 0, 0), (0, 3, 0)),
+    )
+    vertices, triangles = join((round_, faces), (level, two), (up, two))
+    outwards = np.concatenate([round_ - (0, 0.6, 0), np.tile((0, 1, 0), (4, 1)), np.tile((0, 0, 1), (4, 1))])
+    return dl.Scene.from_arrays(
+        vertices,
+        triangles,
+        camera=dl.Camera((0, 1.2, 4.2), (0, 0.6, 0), vertical_fov=26, width=24, height=24),
+        materials={"ball": dl.Material((0.5, 0.3, 0.2)), "else": dl.Material((0.5, 0.6, 0.6))},
+        material=np.repeat([0, 1], [len(faces), 4]),
+        normals=outwards if normals else None,
+    )
+
+
+def test_a_curved_mesh_is_as_round_as_its_normals(tmp_path):
+    """What a ball of 24 segments reflects of other surfaces, through D and T, is what one of 96 does."""
+    found = {}
+    for segments, normals in ((96, True), (24, True), (24, False)):
+        made = dl.precompute_studio(
+            ball(segments, normals),
+            tmp_path / f"{segments} {normals}",
+            families={"ball": dl.Family("blinn-phong", (3, 300), live=5, segments=2)},
+            gather=1024,
+            nodes=0,
+            tolerance=0.005,
+            progress=False,
+        )
+        studio = dl.Studio(made)
+        studio.set_lights([dl.PointLight((1.0, 2.2, 1.2), 5.0)])
+        studio.edit("ball")
+        studio.set("ball", gamma=200, k_s=0.3)
+        pixels = made.pixels
+        whole = np.zeros(24 * 24, bool)
+        whole[pixels.pixel[(pixels.material == 0) & (pixels.weight > 0.999)]] = True
+        of_surfaces = pixels.shown(studio.step().values - studio.direct()).reshape(-1, 3)
+        found[segments, normals] = np.where(whole[:, None], of_surfaces, 0)
+    inside = np.all([own.any(axis=1) for own in found.values()], axis=0)
+    fine, smooth, flat = (own[inside] for own in found.values())
+    assert inside.sum() > 60 and abs(smooth.sum() / fine.sum() - 1) < 0.03
+    assert np.abs(smooth - fine).sum() < 0.06 * fine.sum() < np.abs(flat - fine).sum()
 
 
 def test_what_does_not_fit_is_refused_before_any_ray(tmp_path, monkeypatch):
