@@ -8,8 +8,8 @@ Three statistics of every channel, at a significance of 1e-3 each after Sidak's 
 worst row, the worst 8 x 8 tile, the whole picture. Mitsuba's noise and what 16 rays know of an edge texel are their
 deviation. Two kinds of scene are known to be off, and are asked for what is beyond it:
 
-- leaves: what is thinner than a texel and lies between the middles of its neighbours is not found, so that a few rows
-  in a thousand take a lamp for open or closed (`THIN`);
+- thin things, as leaves and rims: what is thinner than a texel and lies between the middles of its neighbours is not
+  found, so that a few rows in a thousand take a lamp for open or closed (`THIN`);
 - bounces go by way of nodes, whose spacing biases tiles and the picture (`ALLOWED`); their rows are not asked.
 
 The smallest gain that the picture's statistic would notice is shown beside.
@@ -47,7 +47,7 @@ FAR = 3e4
 MOST_LEFT_OUT = 0.05
 """Share of the rows."""
 THIN = 0.005
-"""Share of the rows among leaves that may be off."""
+"""Share of the rows near thin things that may be off."""
 ALLOWED = {"tile": 0.02, "picture": 0.004}
 """How far bounces by way of nodes may be off, relative to a tile and to the picture."""
 
@@ -149,7 +149,7 @@ class Case:
     light: str
     bounces: int = 0
     receivers: str = "pixels"
-    leaves: bool = False
+    thin: bool = False
 
 
 CASES = {
@@ -160,9 +160,9 @@ CASES = {
     "smooth normals": Case(smooth, "hall"),
     "rows at vertices": Case(lambda: smooth(6, 12), "hall", receivers="vertices"),
     "cornell": Case(builtin("cornell"), "hall"),
-    "still-life": Case(builtin("still-life"), "studio"),
-    "plant": Case(builtin("plant"), "hall", leaves=True),
-    "street": Case(builtin("street"), "sky", leaves=True),
+    "still-life": Case(builtin("still-life"), "studio", thin=True),
+    "plant": Case(builtin("plant"), "hall", thin=True),
+    "street": Case(builtin("street"), "sky", thin=True),
     "cornell, two bounces": Case(builtin("cornell"), "hall", bounces=2),
     "textured room, two bounces": Case(room, "hall", bounces=2),
 }
@@ -392,7 +392,7 @@ def compare(found: Floats, expected: Floats, error: Floats, tile: NDArray[np.int
     beyond = np.maximum(np.abs(sums[0]) - allowed["tile"] * sums[2], 0)
     whole = max(abs(difference.sum()) - allowed["picture"] * level.sum(), 0)
     scores = {
-        "row": 0.0 if case.bounces else float((rows > 1).mean() / THIN if case.leaves else rows.max()),
+        "row": 0.0 if case.bounces else float((rows > 1).mean() / THIN if case.thin else rows.max()),
         "tile": float((beyond / np.sqrt(sums[1])).max()) / largest_z(len(sums[0])),
         "picture": float(whole / np.sqrt(variance.sum())) / largest_z(1),
         "row without noise": float(apart),
