@@ -239,6 +239,10 @@ struct Response([[f64; GROUP]; 3]);
 impl Response {
     #[inline(always)]
     fn add<const C: usize>(&mut self, entry: [&Rows16; C], light: [f64; 3]) {
+        // What a factor that is not seen through would add: most of a family's columns.
+        if light == [0.0; 3] {
+            return;
+        }
         for (colour, (sums, light)) in self.0.iter_mut().zip(light).enumerate() {
             for (sum, &value) in sums.iter_mut().zip(entry[colour % C]) {
                 *sum += f64::from(value) * light;
