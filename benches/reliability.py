@@ -20,7 +20,21 @@ from pathlib import Path
 
 from card.tally import Clock, Tally
 
-ROWS = ("rays", "frames", "bounds", "threads", "kills", "writes", "interrupts", "memory", "fuzzing", "faults")
+ROWS = (
+    "rays",
+    "frames",
+    "bounds",
+    "threads",
+    "kills",
+    "writes",
+    "interrupts",
+    "memory",
+    "fuzzing",
+    "guided",
+    "properties",
+    "mutants",
+    "faults",
+)
 FIRST, LATER = 20.0, 60.0
 """Seconds of a row with a share of 1, in the first turn and in later ones."""
 PATIENCE = 1800.0
