@@ -31,6 +31,9 @@ ROWS = (
     "memory",
     "fuzzing",
     "mitsuba",
+    "guided",
+    "properties",
+    "mutants",
     "faults",
 )
 FIRST, LATER = 20.0, 60.0

@@ -14,6 +14,8 @@ from hypothesis import settings
 
 # The same examples in every run: a failure is a change of the code, and can be repeated.
 settings.register_profile("suite", derandomize=True, deadline=None)
+# Others in every run, for `benches/card/properties.py`: `--hypothesis-profile=card`.
+settings.register_profile("card", derandomize=False, deadline=None, database=None)
 settings.load_profile("suite")
 
 # Whatever runs outside our own pool fails here, and does not wait for ever in some child of a fork.

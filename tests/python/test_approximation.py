@@ -67,7 +67,7 @@ def printed(values, target, space, method, terms):
     return values, resets
 
 
-@settings(deadline=None, max_examples=60, derandomize=True)
+@settings(deadline=None, max_examples=60)
 @given(before=lights(), target=lights(), method=st.sampled_from(METHODS))
 def test_step_is_an_update(before, target, method):
     """Every method: what is sent is the light itself, what is not sent stays, and the changes tell it all."""
@@ -86,7 +86,7 @@ def test_step_is_an_update(before, target, method):
     assert np.all(np.abs(after - follow.values) <= rounding)
 
 
-@settings(deadline=None, max_examples=60, derandomize=True)
+@settings(deadline=None, max_examples=60)
 @given(before=lights(), target=lights(), method=st.sampled_from(METHODS))
 def test_still_light_is_reached_bit_for_bit(before, target, method):
     if any(name in repr(method) for name in NEVER_THERE):
@@ -104,7 +104,7 @@ def test_still_light_is_reached_bit_for_bit(before, target, method):
         assert np.max(np.array(OF_M["band_norms"]) @ norms) <= method.error
 
 
-@settings(deadline=None, max_examples=60, derandomize=True)
+@settings(deadline=None, max_examples=60)
 @given(before=exact_lights(), frames=st.lists(exact_lights(), min_size=1, max_size=2), terms=st.integers(1, SIZE + 1))
 def test_as_printed(before, frames, terms):
     makers = {"nonlinear": Nonlinear, "incremental": Incremental, "per-band": PerBand}

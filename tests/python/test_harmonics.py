@@ -82,7 +82,7 @@ def test_bad_input_says_what_was_expected(make, message):
         make()
 
 
-@settings(deadline=None, max_examples=20, derandomize=True)
+@settings(deadline=None, max_examples=20)
 @given(
     seed=st.integers(0, 1000),
     degrees=st.floats(-400, 400),

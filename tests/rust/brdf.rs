@@ -82,7 +82,12 @@ pub fn pairs() -> impl Strategy<Value = (Direction, Direction)> {
         1 => (wo.map(|x| -x), wo),
         2 => ([-wo[0], -wo[1], wo[2]], wo),
         3 => (wi, [wo[0], wo[1], -wo[2]]),
-        4 => ([-wo[0] + 1e-9, -wo[1], wo[2]], wo),
+        // As near the mirror direction as may be, and of length 1: models may count on it.
+        4 => {
+            let near = [-wo[0] + 1e-9, -wo[1], wo[2]];
+            let length = near.iter().map(|x| x * x).sum::<f64>().sqrt();
+            (near.map(|x| x / length), wo)
+        }
         _ => (wi, wo),
     })
 }

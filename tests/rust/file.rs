@@ -182,6 +182,31 @@ fn a_resumed_run_gives_the_same_bits() {
     assert!(!partial.exists());
 }
 
+/// A shard that somebody else made is asked for, delivered and taken in; one that is altered on the way, or asked for by
+/// another run, is not.
+#[test]
+fn delivered_shards_are_those_that_were_asked_for() {
+    let (scratch, matrix) = (Scratch::new(), small(Width::I8));
+    let path = scratch.path("a.transport");
+    let mut writer = Writer::open(&path, "one").unwrap();
+    let other = Writer::deliver(&path, "two", PART, 0, &matrix.tiles[..4]);
+    assert!(other.unwrap_err().to_string().contains("expected the run that asked for this shard"));
+    for (shard, tiles) in matrix.tiles.chunks(TILES_PER_SHARD).enumerate() {
+        let bytes = Writer::deliver(&path, "one", PART, shard, tiles).unwrap();
+        let file = scratch.path("a.transport.partial").join(format!("tiles-{PART}-{shard:05}.safetensors"));
+        let whole = fs::read(&file).unwrap();
+        assert_eq!(bytes, whole.len() as u64);
+        let mut altered = whole.clone();
+        *altered.last_mut().unwrap() ^= 1;
+        fs::write(&file, altered).unwrap();
+        assert!(writer.adopt(PART, shard).unwrap_err().to_string().contains("altered"));
+        fs::write(&file, whole).unwrap();
+        writer.adopt(PART, shard).unwrap();
+    }
+    writer.finish(&about(&matrix, Width::I8), &receivers(ROWS), None).unwrap();
+    assert_eq!(Dense::of(open(&path, &models).unwrap().product.alone().unwrap()), Dense::of(&matrix));
+}
+
 #[test]
 fn another_job_starts_anew() {
     let (scratch, matrix) = (Scratch::new(), small(Width::I8));
@@ -411,6 +436,19 @@ fn values_in_another_unit_are_refused() {
     // Before version 2.3 nothing was said, but what is said is held against the manifest all the same.
     fs::write(path.join(MANIFEST), resealed(&forged.replacen("2,\n    3", "2,\n    2", 1))).unwrap();
     assert!(refused(&path).contains("expected values in the unit"));
+
+    // A file that says nothing is taken where nothing was said, and nowhere else.
+    fs::write(path.join(MANIFEST), &text).unwrap();
+    let name = "tiles-direct-00000.safetensors";
+    let (header, data) = split(&fs::read(path.join(name)).unwrap());
+    let (before, said) = header.split_once("\"__metadata__\":{").unwrap();
+    let (_, after) = said.split_once("},").unwrap();
+    let silent = format!("{before}{after}").trim_end().to_owned();
+    forge(&path, name, &join(&format!("{silent:<0$}", silent.len().next_multiple_of(8)), &data));
+    assert!(refused(&path).contains("found None"));
+    let earlier = fs::read_to_string(path.join(MANIFEST)).unwrap().replacen("2,\n    3", "2,\n    2", 1);
+    fs::write(path.join(MANIFEST), resealed(&earlier)).unwrap();
+    assert_eq!(open(&path, &models).unwrap().product.rows(), ROWS);
 }
 
 #[test]
@@ -446,7 +484,10 @@ fn hostile_manifests_are_refused_with_a_reason() {
         ("\"tiles-direct-00001.safetensors\"", "\"/etc/passwd\"", "expected the file"),
         ("\"tiles-direct-00001.safetensors\"", "\"tiles-direct-00000.safetensors\"", "expected the file"),
         ("\"scene\":", "\"scenery\":", "missing field"),
-        ("\"name\": \"direct\"", "\"name\": \"../a\"", "name"),
+        ("\"name\": \"direct\"", "\"name\": \"../a\"", "a part's name of up to 32"),
+        ("\"name\": \"direct\"", "\"name\": \"Direct\"", "a part's name of up to 32"),
+        ("\"name\": \"direct\"", "\"name\": \"\"", "a part's name of up to 32"),
+        ("\"name\": \"direct\"", "\"name\": \"a_part_whose_name_is_far_too_long_\"", "a part's name of up to 32"),
         ("\"name\": \"direct\"", "\"name\": \"other\"", "chain"),
         ("\"none\"", "\"weights\"", "expected"),
         ("\"none\"", "\"tree\"", "each stage"),
@@ -509,7 +550,7 @@ fn hostile_tiles_are_refused_with_a_reason() {
 
     // Contents, one promise broken at a time, in a transport that is otherwise whole.
     type Break = fn(&mut Vec<u32>, &mut Vec<u16>, &mut Vec<i8>, &mut Vec<u16>);
-    let cases: [(Break, &str); 9] = [
+    let cases: [(Break, &str); 10] = [
         (|starts, _, _, _| starts[0] = 1, "starts"),
         (|starts, _, _, _| *starts.last_mut().unwrap() += 1, "starts"),
         (|starts, _, _, _| starts[3] = u32::MAX, "step back"),
@@ -519,6 +560,8 @@ fn hostile_tiles_are_refused_with_a_reason() {
         (|_, _, values, _| values[0] = i8::MIN, "values from"),
         (|_, _, _, norms| norms[0] = 0x7f80, "norms"),
         (|_, _, _, norms| norms[0] = 0, "or more kept"),
+        // Half of what it was.
+        (|_, _, _, norms| norms[0] -= 0x80, "or more kept"),
     ];
     for (harm, reason) in cases {
         let mut tile = matrix.tiles[4].clone();

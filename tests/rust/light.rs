@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use _core::basis::cubemap::{direction_to_face_uv, face_point, solid_angles, texel_centre, texel_direction, texel_of};
-use _core::light::{EnvironmentMap, Layout, Rows};
+use _core::light::{Behind, EnvironmentMap, Layout, Rows};
 use proptest::prelude::*;
 
 type Matrix = [[f64; 3]; 3];
@@ -239,6 +239,37 @@ fn nothing_jumps_when_a_rotation_sets_in() {
     let moved = resampled(&map, 64, &turn([1.0, 2.0, 3.0], 1e-7));
     for (a, b) in still.iter().zip(&moved) {
         assert!((a[0] - b[0]).abs() < 0.1 + 1e-3 * a[0], "{} became {}", a[0], b[0]);
+    }
+}
+
+/// What stands behind a scene is the map as it is looked up one direction at a time, by the share of each pixel.
+#[test]
+fn a_background_is_the_map_in_its_directions() {
+    let rotation = turn([0.3, -0.5, 0.8], 1.1);
+    let directions: Vec<[f32; 3]> =
+        (0..6 * 64).map(|k| texel_direction(8, k / 64, k / 8 % 8, k % 8).map(|x| x as f32)).collect();
+    let count = directions.len();
+    let behind = Behind {
+        // From the last pixel to the first.
+        pixels: (0..count as u32).rev().collect(),
+        shares: (0..count).map(|k| (k % 5) as f32 / 4.0).collect(),
+        directions: directions.clone(),
+    };
+    for layout in [Layout::LatLong { width: 64, height: 32, rows: Rows::Centre }, Layout::Cubemap { size: 16 }] {
+        let pixels = (0..layout.pixels()).map(|k| [(k * 7919 % 101) as f32, k as f32, 1.0]).collect();
+        let map = EnvironmentMap::new(layout, pixels).unwrap();
+        let mut picture = vec![[2.0; 3]; count];
+        map.add_behind(&behind, &rotation, [1.0, 0.5, 3.0], &mut picture);
+        let wide: Vec<[f64; 3]> = directions.iter().map(|d| d.map(f64::from)).collect();
+        let seen = map.sample(&wide, &rotation, [1.0, 0.5, 3.0]);
+        for (k, (seen, share)) in seen.iter().zip(&behind.shares).enumerate() {
+            let found = picture[count - 1 - k];
+            for c in 0..3 {
+                let expected = 2.0 + share * seen[c];
+                // Angles in f32, in pixels that differ by up to 100 and more.
+                assert!((found[c] - expected).abs() <= 0.05 + 1e-3 * expected, "{layout:?}, {k}: {found:?}, {seen:?}");
+            }
+        }
     }
 }
 

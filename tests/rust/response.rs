@@ -347,6 +347,41 @@ fn lights_of_any_size_have_a_grid() {
     assert!(Grid::for_light(1.0, Span(40), 1).is_err());
 }
 
+/// Rows span from the unit that their group's entries share, and not from the quantum: a long row of coarse entries can be
+/// followed exactly, one that has fine entries as well says that it cannot.
+#[test]
+fn rows_span_from_the_unit_of_their_group() {
+    let space = ColumnSpace::haar(1).unwrap();
+    let bands = space.bands();
+    let span = |columns: &[(u32, u8, i16)]| {
+        let value = |&(_, shift, integer): &(u32, u8, i16)| f64::from(integer) * 2f64.powi(i32::from(shift) - 24);
+        let norm = columns.iter().map(|entry| value(entry).powi(2)).sum::<f64>().sqrt();
+        let group = CompressedGroup {
+            columns: columns.iter().map(|entry| entry.0).collect(),
+            shifts: columns.iter().map(|entry| entry.1).collect(),
+            values: columns.iter().flat_map(|entry| [entry.2; GROUP]).collect(),
+            kept: vec![norm_up(norm); GROUP * bands.count()],
+            dropped: vec![0; GROUP * bands.count()],
+            ..CompressedGroup::default()
+        };
+        let tiles = vec![Tile::assemble(GROUP, space.columns(), Channels::One, (Width::I8, -24), &[group])];
+        let (rows, channels) = (GROUP, Channels::One);
+        Span::of(&TransportMatrix {
+            space,
+            bands: space.bands(),
+            rows,
+            channels,
+            quantum: -24,
+            tile_rows: GROUP,
+            tiles,
+        })
+    };
+    // 100 of 2^-1 are below 2^6: 30 bits from 2^-24, 7 from 2^-1; no row is taken to span fewer than 27 once one is longer.
+    assert_eq!(span(&[(1, 23, 100)]), Span(27));
+    assert_eq!(span(&[(0, 0, 1), (1, 23, 100)]), Span(30));
+    assert_eq!(span(&[(0, 0, 1), (1, 0, 100)]), Span(7));
+}
+
 /// What cannot be applied is refused, and leaves the state as it was.
 #[test]
 fn wrong_updates_are_refused() {

@@ -11,7 +11,7 @@ use _core::transport::{
     Channels, Dense, Factors, Link, LobeModels, Lobes, Product, RowLobe, RowNorms, TransportMatrix, Weights, Width,
     bf16_up,
 };
-use _core::update::{Budget, Chain, Colours, Initial, Mix, Settings, Updater};
+use _core::update::{Budget, Chain, Chosen, Colours, Initial, Mix, Settings, Updater};
 
 use crate::transport::{matrix, noise, random_dense, rule};
 use crate::update::every_method;
@@ -232,6 +232,29 @@ fn texels(threshold: f64, glossy: bool) -> Form {
     }
 }
 
+/// Rows of texels come out of all bundles of all tiles: M row by row is M column by column.
+#[test]
+fn rows_of_texels_are_those_of_the_product() {
+    let (rows, space) = (200, ColumnSpace::haar_texels(4).unwrap());
+    let wavelets = random_dense(ColumnSpace::haar(4).unwrap(), rows, Channels::One, 27);
+    let normals: Vec<[f32; 3]> = (0..rows).map(|row| [[1.0, 0.0, 0.0], [0.0, 0.6, 0.8]][row % 2]).collect();
+    // Tiles of 160 rows are two and a half bundles.
+    let matrix = wavelets.compress(space, &rule(space, 0.0, Width::I8), 160).unwrap();
+    let matrix = matrix.with_sight(&normals, None, |row, texel| (7 * row + 5 * texel) % 11 < 6);
+    let (csr, light) = (matrix.to_csr(0), light(space.columns(), 28));
+    let mut out = vec![0.0; 3 * rows];
+    Chain::new(Product::one(Arc::new(matrix))).multiply(&[&light], None, &mut out).unwrap();
+    for (row, found) in out.chunks_exact(3).enumerate() {
+        let own = csr.indptr[row] as usize..csr.indptr[row + 1] as usize;
+        assert!(own.len() > 10);
+        for c in 0..3 {
+            let terms = own.clone().map(|k| f64::from(csr.data[k]) * light[csr.indices[k] as usize][c]);
+            let (sum, size) = terms.fold((0.0, 0.0), |(sum, size), term| (sum + term, size + term.abs()));
+            assert!((f64::from(found[c]) - sum).abs() <= 1e-6 * size, "row {row}: {} is not {sum}", found[c]);
+        }
+    }
+}
+
 /// What a matrix holds, as a plain product.
 fn dense(matrix: &TransportMatrix) -> impl Fn(&[[f64; 3]]) -> Vec<[f64; 3]> + 'static {
     plain(Dense::of(matrix))
@@ -365,6 +388,54 @@ fn every_form_under_every_method_is_within_its_bound_and_ends_exact() {
                 assert_eq!(out, fresh, "{name}, {space}, {method:?}: other bits than a fresh product");
             }
         }
+    }
+}
+
+/// A budget in error is one of what is shown: what truncation takes of it is not there to be spent.
+#[test]
+fn a_budget_in_error_holds_with_what_truncation_takes() {
+    let space = ColumnSpace::haar(4).unwrap();
+    let dense = random_dense(space, ROWS, Channels::One, 22);
+    let matrix = dense.compress(space, &rule(space, 0.05, Width::I8), 32).unwrap();
+    let chain = Arc::new(Chain::new(Product::one(Arc::new(matrix))));
+    let (target, mut out) = (light(space.columns(), 21), vec![0.0; 3 * ROWS]);
+    let mut first = |budget| {
+        let settings = Settings { budget, ..settings(space, _core::update::Method::Incremental, 0) };
+        Updater::new(Arc::clone(&chain), settings, None, None, Initial::Black).unwrap().step(&target, &mut out)
+    };
+    let largest = |of: [f64; 3]| of.into_iter().fold(0.0, f64::max);
+    let truncation = largest(first(Budget::Terms(usize::MAX)).unwrap().truncation);
+    let mut sent = Vec::new();
+    for times in [1.1, 1.5, 4.0, 30.0] {
+        let (tolerance, factors) = (times * truncation, chain.error_factors(None));
+        let step = first(Budget::Error { tolerance, factors }).unwrap();
+        assert!(largest(step.bound) <= tolerance, "{:?} of {tolerance}", step.bound);
+        sent.push(step.update.terms.len());
+    }
+    assert!(sent.is_sorted_by(|more, fewer| more >= fewer) && sent[0] > sent[3], "{sent:?}");
+    let factors = chain.error_factors(None);
+    let message = first(Budget::Error { tolerance: 0.9 * truncation, factors }).err().unwrap().to_string();
+    assert!(message.contains("what truncation takes"), "{message}");
+}
+
+/// What somebody else chooses is sent as it is; bands and columns that are not there are refused, and change nothing.
+#[test]
+fn a_choice_from_outside_is_sent_or_refused() {
+    let space = ColumnSpace::haar(4).unwrap();
+    let chain = Arc::new(Chain::new(Product::one(Arc::new(matrix(space, ROWS, Channels::One, 1, Width::I8)))));
+    let all = settings(space, _core::update::Method::Incremental, usize::MAX);
+    let mut follow = Updater::new(chain, all, None, None, Initial::Black).unwrap();
+    let (target, mut out) = (light(space.columns(), 21), vec![0.0; 3 * ROWS]);
+    let (band, column) = (space.bands().count(), space.columns() as u32);
+    for (resets, columns) in [(&[band][..], &[][..]), (&[][..], &[column][..])] {
+        let message =
+            follow.frame(&target, &mut out, None, &Chosen::Given { resets, columns }).err().unwrap().to_string();
+        assert!(message.contains("below"), "{message}");
+        assert!(follow.values().iter().all(|value| *value == [0.0; 3]));
+    }
+    follow.frame(&target, &mut out, None, &Chosen::Given { resets: &[], columns: &[3, 95] }).unwrap();
+    for (column, (value, target)) in follow.values().iter().zip(&target).enumerate() {
+        assert_eq!(*value, if [3, 95].contains(&column) { *target } else { [0.0; 3] });
     }
 }
 

@@ -2,11 +2,11 @@
 
 use _core::basis::ColumnSpace;
 use _core::error::Error;
-use _core::transport::entry::power_of_two;
+use _core::transport::entry::{entry_bytes, power_of_two};
 use _core::transport::truncate::compress_portable;
 use _core::transport::{
-    Channels, CompressedGroup, Dense, GROUP, Measure, Rows16, Survey, TransportMatrix, Truncation, Width, bf16,
-    bf16_up, compress_group,
+    Channels, CompressedGroup, Dense, GROUP, Measure, RowNorms, Rows16, Survey, TransportMatrix, Truncation, Width,
+    bf16, bf16_up, compress_group,
 };
 use _core::update::Span;
 use proptest::prelude::*;
@@ -301,4 +301,27 @@ fn coefficients_that_cannot_be_stored_are_refused() {
     for (threshold, quantum) in [(f64::NAN, QUANTUM), (-1.0, QUANTUM), (0.0, -65), (0.0, 14)] {
         assert!(Truncation::new(&space.bands(), threshold, quantum, Width::I8).is_err());
     }
+}
+
+/// Norms of both stages stand row by row, in bands and channels; arrays of other sizes, or with norms that are none, are
+/// refused.
+#[test]
+fn norms_of_two_stages_stand_row_by_row() {
+    let numbers = |from: u16| (from..from + 18).collect::<Vec<_>>();
+    let norms = RowNorms::new(3, Channels::Three, numbers(0).into(), numbers(100).into()).unwrap();
+    assert_eq!((norms.rows(), norms.shape(), norms.nbytes()), (2, (3, Channels::Three), 72));
+    assert_eq!(norms.row(1), (&numbers(0)[9..], &numbers(100)[9..]));
+    let of = |kept: Vec<u16>, dropped: Vec<u16>| RowNorms::new(3, Channels::Three, kept.into(), dropped.into());
+    assert!(of(vec![0; 10], vec![0; 10]).is_err() && of(vec![0; 9], vec![0; 18]).is_err());
+    for wrong in [0x7f80, 0x7fc0, 0x8000, 0xffff] {
+        assert!(of(vec![0; 9], vec![wrong; 9]).is_err() && of(vec![wrong; 9], vec![0; 9]).is_err());
+        assert!(of(vec![0x7f7f; 9], vec![0; 9]).is_ok());
+    }
+    assert!(RowNorms::new(0, Channels::One, vec![].into(), vec![].into()).is_err());
+}
+
+#[test]
+fn an_entry_is_a_word_and_integers_of_sixteen_rows() {
+    let bytes = [(Width::I8, Channels::One), (Width::I16, Channels::One), (Width::I8, Channels::Three)];
+    assert_eq!(bytes.map(|(width, channels)| entry_bytes(width, channels)), [18, 34, 50]);
 }
