@@ -59,8 +59,9 @@ def of_python(path: Path, seed: int, tally: Tally) -> None:
     words = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", str(path), "-m", "hypothesis"]
     words += [f"--hypothesis-seed={seed}", "--hypothesis-profile=card", "--hypothesis-show-statistics"]
     ran = subprocess.run(words, cwd=ROOT, capture_output=True, text=True)
-    examples = sum(map(int, re.findall(r"(\d+) passing examples", ran.stdout)))
-    failed = int(ran.returncode != 0)
+    examples = sum(map(int, re.findall(r"- (\d+) passing\b", ran.stdout)))
+    # A file that has properties and counts none has not been read.
+    failed = int(ran.returncode != 0 or not examples)
     tally.count(examples + failed, failed, f"{path.name}, seed {seed}: {ran.stdout[-900:]}")
     tally.add("by Hypothesis", examples)
 
