@@ -57,8 +57,8 @@ def test_the_same_inputs_give_the_bits_of_0_1_0(stored, name, tmp_path):
         for degrees in (0, 3, 7, 40):
             frame = relighter.step(env.rotated(degrees))
         same(f"frame-{k}", frame.values[rows])
-        # Of coefficients as they are, not as they are rounded to a grid: NumPy makes the light, and its functions differ
-        # in their last bits between processors.
+        # Of coefficients as they are, not as they are rounded to a grid: NumPy makes the light, and its functions
+        # differ in their last bits between processors.
         np.testing.assert_allclose(frame.bound, stored[f"{name}-bound-{k}"], rtol=1e-9, err_msg="bound")
         same(f"columns-{k}", frame.columns)
 
