@@ -27,6 +27,8 @@ use super::texels::{Texels, place};
 const FINE: f64 = 3.0;
 /// Off its axis a lobe is as smooth as if it were this share of the way there wide.
 const OFF_AXIS: f64 = 0.25;
+/// No lobe is wider than the cosine that it is multiplied by, which halves at 60 degrees.
+const COSINE: f64 = PI / 3.0;
 /// Most parts along a side: more than 32 are for texel columns of lobes so narrow that wavelets sample them.
 const MOST_PARTS: usize = 64;
 /// Lobes whose half width is below this share of a texel are sampled, by so many samples along a side.
@@ -295,7 +297,7 @@ impl Lobe<'_> {
         // The chord is no longer than the angle, and nearly as long where it matters.
         let chord = |axis: [f64; 3]| [0, 1, 2].map(|k| centre[k] - axis[k]);
         let off = self.axis.map_or(0.0, |axis| dot(chord(axis), chord(axis)).sqrt() - width(size));
-        let fine = self.half_width.max(OFF_AXIS * off);
+        let fine = self.half_width.max(OFF_AXIS * off).min(COSINE);
         let parts = (FINE * width(size) / fine).ceil().max(1.0);
         if parts <= 1.0 {
             return (PI * self.value(centre)) as f32;
