@@ -45,10 +45,15 @@ def test_the_same_inputs_give_the_bits_of_0_1_0(stored, name, tmp_path):
     def same(what, found):
         np.testing.assert_array_equal(found, stored[f"{name}-{what}"], err_msg=what)
 
+    # NumPy makes the light, and its functions differ in their last bits between processors (AVX-512): a coefficient may
+    # round to the next step of its grid, and a value to its neighbour.
+    def alike(what, found, rtol):
+        np.testing.assert_allclose(found, stored[f"{name}-{what}"], rtol=rtol, err_msg=what)
+
     env = dl.Environment.builtin("hall")
     B = transport.multiply(transport.coefficients(env))
     same("rows", np.stack([transport.row(int(row)) for row in rows]))
-    same("product", B[rows])
+    alike("product", B[rows], 2e-7)
     # The light behind is looked up in f32 since 0.3: a hundredth of a pixel of its map.
     picture = transport.image(B, env)[::5, ::5]
     np.testing.assert_allclose(picture, stored[f"{name}-picture"], rtol=1e-3, err_msg="picture")
@@ -56,10 +61,8 @@ def test_the_same_inputs_give_the_bits_of_0_1_0(stored, name, tmp_path):
         relighter = dl.Relighter(transport, method)
         for degrees in (0, 3, 7, 40):
             frame = relighter.step(env.rotated(degrees))
-        same(f"frame-{k}", frame.values[rows])
-        # Of coefficients as they are, not as they are rounded to a grid: NumPy makes the light, and its functions
-        # differ in their last bits between processors.
-        np.testing.assert_allclose(frame.bound, stored[f"{name}-bound-{k}"], rtol=1e-9, err_msg="bound")
+        alike(f"frame-{k}", frame.values[rows], 2e-7)
+        alike(f"bound-{k}", frame.bound, 1e-9)
         same(f"columns-{k}", frame.columns)
 
 
