@@ -20,6 +20,7 @@ import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
+from studios import around
 
 CHESS = Path(__file__).parents[1] / "../shared/data/mesh/chess_still_life.glb"
 GROUND = {"plant": {"ground"}, "street": set(), "chess": set()}
@@ -96,16 +97,6 @@ class Paths:
         down = np.where(found["primID"] >= 0, found["tfar"], 20 * self._lift).astype(np.float64)
         return above + (self._lift - down)[:, None] * normals, np.maximum(found["primID"], 0).astype(np.intp)
 
-    def _around(self, normals: Vectors) -> Vectors:
-        u, v = self._rng.random((2, len(normals)))
-        helper = np.where(np.abs(normals[:, :1]) > 0.9, [[0.0, 1.0, 0.0]], [[1.0, 0.0, 0.0]])
-        side = np.cross(normals, helper)
-        side /= np.linalg.norm(side, axis=1, keepdims=True)
-        angle = 2 * np.pi * v[:, None]
-        return np.sqrt(u)[:, None] * (np.cos(angle) * side + np.sin(angle) * np.cross(normals, side)) + (
-            np.sqrt(1 - u)[:, None] * normals
-        )
-
     def _lit(self, light: Light, points: Vectors, normals: Vectors) -> Vectors:
         """Light that arrives directly, over pi."""
         ways, radiance = light.draw(self._rng, len(points))
@@ -123,7 +114,7 @@ class Paths:
             point = np.arange(start, min(start + AT_ONCE, len(origins) * paths)) // paths
             at, facing, through = origins[point], normals[point], np.ones((len(point), 3))
             for _ in range(bounces):
-                rays, at, facing, rho = self._meet(at, self._around(facing))
+                rays, at, facing, rho = self._meet(at, around(self._rng, facing, 1.0))
                 point, through = point[rays], through[rays] * rho
                 for k, light in enumerate(self._lights):
                     np.add.at(sums[k], point, through * self._lit(light, at, facing))

@@ -91,6 +91,17 @@ class Room:
         return way, arrives
 
 
+def around(rng: np.random.Generator, axes: Vectors, power: float) -> Vectors:
+    """Directions about axes with a density of cosine to a power."""
+    u, v = rng.random((2, len(axes)))
+    cosine = u ** (1 / (power + 1))
+    helper = np.where(np.abs(axes[:, :1]) > 0.9, [[0.0, 1.0, 0.0]], [[1.0, 0.0, 0.0]])
+    side = np.cross(axes, helper)
+    side /= np.linalg.norm(side, axis=1, keepdims=True)
+    turned = np.cos(2 * np.pi * v)[:, None] * side + np.sin(2 * np.pi * v)[:, None] * np.cross(axes, side)
+    return np.sqrt(1 - cosine**2)[:, None] * turned + cosine[:, None] * axes
+
+
 @dataclass
 class Reference:
     """Paths from the eye: as a studio has them, or all there are."""
@@ -134,24 +145,14 @@ class Reference:
         direct = (self.gamma + 2) / (2 * np.pi) * peak * arrives[lobes] * np.maximum(cosine[lobes], 0)
         here[lobes] += SHINE * direct[:, None]
         if depth < (LONGEST if self.every_lobe else BOUNCES):
-            here += rho * self.radiance(hits.points, self._around(hits.normals, 1.0), depth + 1, self.every_lobe)
+            here += rho * self.radiance(hits.points, around(self.rng, hits.normals, 1.0), depth + 1, self.every_lobe)
         if len(lobes) and depth < LONGEST:
-            out = self._around(mirrored, self.gamma)
+            out = around(self.rng, mirrored, self.gamma)
             above = np.maximum((out * some.normals).sum(axis=1), 0)
             weight = (self.gamma + 2) / (self.gamma + 1) * above
             here[lobes] += SHINE * weight[:, None] * self.radiance(some.points, out, depth + 1, self.every_lobe)
         total[hits.rays] = here
         return total
-
-    def _around(self, axes: Vectors, power: float) -> Vectors:
-        """Directions about axes with a density of cosine to a power."""
-        u, v = self.rng.random((2, len(axes)))
-        cosine = u ** (1 / (power + 1))
-        helper = np.where(np.abs(axes[:, :1]) > 0.9, [[0.0, 1.0, 0.0]], [[1.0, 0.0, 0.0]])
-        side = np.cross(axes, helper)
-        side /= np.linalg.norm(side, axis=1, keepdims=True)
-        turned = np.cos(2 * np.pi * v)[:, None] * side + np.sin(2 * np.pi * v)[:, None] * np.cross(axes, side)
-        return np.sqrt(1 - cosine**2)[:, None] * turned + cosine[:, None] * axes
 
 
 def tiles(picture: Vectors) -> Vectors:
